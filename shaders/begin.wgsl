@@ -3,9 +3,9 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> goals: Goals;
 @group(0) @binding(2) var<storage, read_write> partials: array<real2>;
-/// What the iterations read.
+/// The scalars that the iterations read.
 @group(0) @binding(3) var<storage, read_write> state: State;
-/// What the preconditioner and the step after it read.
+/// The scalars that the preconditioner and the step after it read.
 @group(0) @binding(4) var<storage, read_write> next: State;
 
 @compute @workgroup_size(WIDTH)

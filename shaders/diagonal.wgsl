@@ -1,5 +1,5 @@
-// A step of the smoother from a residual r that is there: d = c₁ d + c₂ D⁻¹ r, x_next = x + d. The residual stands
-// in x_next, where a product with a matrix of several segments has left it.
+// A step of the smoother from an existing residual r: d = c₁ d + c₂ D⁻¹ r, x_next = x + d. The residual is in x_next,
+// the result of a product with a matrix of several segments.
 //
 // Flags: FIRST: r is b, and x is zero: d = c₂ D⁻¹ b, x_next = d; with c₂ = 1 that is block-Jacobi.
 

@@ -39,7 +39,7 @@ fn main(
     }
     for (var i = group.x * WIDTH + lane; i < params.count; i += groups.x * WIDTH) {
         var direction = real2(z[i]);
-        // What p holds before the first iteration may not even be a number.
+        // Before the first iteration p may not even be a number.
         if !first {
             direction += beta * p[i];
         }

@@ -1,5 +1,5 @@
-// y[target] = (y[target] +) Σ value · x[column] over the entries of each row: products with B and Bᵀ, of
-// which only the rows that have entries are stored.
+// y[target] = (y[target] +) Σ value · x[column] over the entries of each row: products with B and Bᵀ; only rows with
+// entries are stored.
 //
 // Flags: ADD: the sums are added to y instead of replacing it.
 

@@ -1,7 +1,7 @@
-// Start of CG on one segment: x = 0 unless it continues, the residual in f32 for the preconditioner, and the
-// partial sums of rᵀr.
+// Start of CG on one segment: x = 0 unless it continues, the residual in f32 for the preconditioner, and the partial
+// sums of rᵀr.
 //
-// Flags: CONTINUES: from the x that is there.
+// Flags: CONTINUES: from the given x.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> r: array<real2>;

@@ -1,9 +1,9 @@
-//! Where the work of size n is done: on the CPU, or on a GPU through wgpu.
+//! The place of the work of size n: the CPU, or a GPU through wgpu.
 //!
-//! [`Backend`] is cut at the size of a kernel: each method is one fused pass over the data, and the
-//! scalars of an iteration stay where the vectors are. The algorithms ([`crate::stiffness::pcg`]) are
-//! written once over it; [`cpu::Cpu`] is the reference and the fallback, `gpu::Gpu` runs the WGSL
-//! kernels in `shaders/`. Nothing here knows the dimension of space: the shape of a block is a number.
+//! [`Backend`] is cut at the size of a kernel: each method is one fused pass over the data, and the scalars of an
+//! iteration stay where the vectors are. The algorithms ([`crate::stiffness::pcg`]) are written once over it;
+//! [`cpu::Cpu`] is the reference and the fallback, `gpu::Gpu` runs the WGSL kernels in `shaders/`. No code here knows
+//! the dimension of space: the shape of a block is a number.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -15,11 +15,11 @@ use crate::sparse::stored::{BlockMatrix, Dense, Real, SquareBlocks};
 use std::fmt;
 use std::sync::Arc;
 
-/// A backend could not do what it was asked for, or has failed.
+/// A backend failed, or cannot do what was requested.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
-    /// The shape of the blocks of a matrix is none that kernels were made for.
+    /// No kernel exists for blocks of this shape.
     #[error("there is no kernel for a matrix of {rows} × {columns} blocks")]
     NoKernel {
         /// Rows of a block.
@@ -33,11 +33,11 @@ pub enum BackendError {
          use a coarser mesh or a larger GPU"
     )]
     TooLarge {
-        /// What there is no room for.
+        /// The data that does not fit.
         what: &'static str,
         /// The device.
         adapter: String,
-        /// All that would be allocated then.
+        /// The total allocation then.
         needed_mib: u64,
         /// The limit.
         offered_mib: u64,
@@ -59,7 +59,7 @@ pub enum BackendError {
         /// The limit.
         limit_mib: u64,
     },
-    /// The device is gone.
+    /// The device was lost.
     #[error("the device \"{adapter}\" was lost: {reason}")]
     Lost {
         /// The device.
@@ -107,15 +107,15 @@ impl fmt::Display for Precision {
     }
 }
 
-/// What to ask of a GPU.
+/// Options for a GPU.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// A part of the adapter's name, or its number in the list of adapters; None takes the best one
-    /// (the variable `WGPU_ADAPTER_NAME`, if set, stands for a name).
+    /// A part of the adapter's name, or its number in the list of adapters; None takes the best one (the variable
+    /// `WGPU_ADAPTER_NAME`, if set, names one).
     pub adapter: Option<String>,
     /// None takes f64 where the adapter has it.
     pub precision: Option<Precision>,
-    /// Bytes of one storage binding to use at most, below what the adapter allows.
+    /// The most bytes of one storage binding to use, below the adapter's own limit.
     pub max_binding: Option<u64>,
     /// Bytes of its memory to use at most, if less than the adapter reports.
     pub max_memory: Option<u64>,
@@ -125,7 +125,7 @@ pub struct GpuOptions {
     pub hardware_only: bool,
 }
 
-/// How far a CG run has come.
+/// The progress of a CG run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Finished iterations.
@@ -136,12 +136,12 @@ pub struct Progress {
     pub goal: f64,
     /// ‖r‖² at its start.
     pub rr_start: f64,
-    /// What the iterations have lowered eᵀKe by, e the error of x: the sum of all α rᵀz.
+    /// By how much the iterations lowered eᵀKe, where e is the error of x: the sum of all α rᵀz.
     pub energy: f64,
-    /// The part of it that the last iterations have brought: the last one up to the ninth iteration, about
-    /// the last fifth or more of them all from the tenth on.
+    /// The part of it that the last iterations brought: up to the ninth iteration the last one; from the tenth on at
+    /// least the last fifth of all iterations.
     pub recent: f64,
-    /// How many these were.
+    /// The number of these iterations.
     pub recent_terms: usize,
     /// The run is over: the goal is reached, or the run broke down, or a number is not finite.
     pub done: bool,
@@ -149,10 +149,10 @@ pub struct Progress {
     pub broken: bool,
 }
 
-/// Where a CG run starts and when it ends: at the first goal that it reaches.
+/// The start and the end of a CG run: it ends at the first goal that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
-    /// Starts from the x that is there, with r = b − Kx on entry; from x = 0 otherwise.
+    /// Whether to start from the given x, with r = b − Kx on entry; otherwise from x = 0.
     pub continues: bool,
     /// ‖r‖.
     pub residual: f64,
@@ -162,8 +162,8 @@ pub struct Run {
     pub remaining: f64,
     /// The same relative to the sum of all α rᵀz, to be added.
     pub remaining_part: f64,
-    /// What eᵀKe is estimated to be relative to the last α rᵀz, where that stands alone; a sum of more of
-    /// them is itself the estimate.
+    /// The estimate of eᵀKe relative to the last α rᵀz, where only that term counts; a sum of several terms is itself
+    /// the estimate.
     pub to_come: f64,
 }
 
@@ -181,19 +181,18 @@ impl Default for Run {
     }
 }
 
-/// Whether a block of that many terms α rᵀz is full after this many iterations; see
-/// `shaders/shared/common.wgsl`, which does the same.
+/// Whether a block of that many terms α rᵀz is full after this many iterations; `shaders/shared/common.wgsl` does the
+/// same.
 ///
-/// The estimate of eᵀKe is made from the block before the last and what there is of the last. Up to nine
-/// iterations each term is a block, which leaves the last one; from then on a block is a fifth of all
-/// iterations, so that the two are at least that. Where PCG is slow, α rᵀz falls and rises again by orders
-/// of magnitude, and a single one means nothing. Sums over blocks need neither a history nor differences,
-/// in which f32 would lose all digits.
+/// The estimate of eᵀKe is the sum over the last full block and the unfinished one. Up to nine iterations each term is
+/// a block, so the estimate is the last term; from then on a block is a fifth of all iterations, and the two blocks are
+/// at least that. Where PCG is slow, α rᵀz falls and rises by orders of magnitude, and a single term means nothing.
+/// Sums over blocks need neither a history nor differences, in which f32 would lose all digits.
 fn block_is_full(terms: usize, iterations: usize) -> bool {
     terms >= (iterations / 5).max(1)
 }
 
-/// What becomes of a product with a matrix of a multigrid level.
+/// The use of a product with a matrix of a multigrid level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// y = M x.
@@ -206,21 +205,21 @@ pub enum Product {
 
 /// One fused pass over the data per method.
 ///
-/// Methods that return nothing may only record their work; whatever goes wrong in them shows in the next
-/// method that returns a [`Result`]. Work recorded for a CG run that is done has no effect.
+/// Methods without a return value may only record their work; their errors appear in the next method that returns a
+/// [`Result`]. Work recorded for a finished CG run has no effect.
 ///
 /// # Panics
-/// Where the sizes of what is handed over do not fit together.
+/// If the sizes of the arguments do not fit together.
 pub trait Backend {
     /// Real numbers.
     type Vector;
     /// K, in square blocks.
     type Matrix;
-    /// A rectangular matrix of which most rows are empty: B, Bᵀ.
+    /// A rectangular matrix with mostly empty rows: B, Bᵀ.
     type Rows;
     /// The scalars of a CG run.
     type State;
-    /// What the preconditioner is stored and applied in.
+    /// The number type in which the preconditioner is stored and applied.
     type Stored: Real;
     /// A vector of a multigrid level.
     type LevelVector;
@@ -233,7 +232,7 @@ pub trait Backend {
 
     /// Rounding error of its arithmetic with vectors: 2⁻⁵³ or 2⁻²⁴.
     fn unit_roundoff(&self) -> f64;
-    /// What it has done so far.
+    /// The work so far.
     fn counters(&self) -> Counters;
 
     /// A vector of `len` zeros.
@@ -251,7 +250,7 @@ pub trait Backend {
     fn state(&mut self, k: &Self::Matrix, like: &Self::Vector)
     -> Result<Self::State, BackendError>;
 
-    /// Copies numbers of the host into a vector; fewer than its length leave the rest as it is.
+    /// Copies numbers of the host into a vector; if they are fewer than its length, the rest is unchanged.
     fn upload(&mut self, from: &[f64], to: &mut Self::Vector);
     /// Copies a vector to the host.
     fn download(&mut self, from: &Self::Vector, to: &mut [f64]) -> Result<(), BackendError>;
@@ -261,7 +260,7 @@ pub trait Backend {
     fn clear(&mut self, x: &mut Self::Vector);
     /// y += a x; `a` is rounded to f32.
     fn add(&mut self, a: f64, x: &Self::Vector, y: &mut Self::Vector);
-    /// y = M x on the rows of M that have entries; y is left as it is elsewhere.
+    /// y = M x on the rows of M that have entries; elsewhere y is unchanged.
     fn multiply_rows(&mut self, m: &Self::Rows, x: &Self::Vector, y: &mut Self::Vector);
     /// y −= K x.
     fn subtract_product(&mut self, k: &Self::Matrix, x: &Self::Vector, y: &mut Self::Vector);
@@ -368,7 +367,7 @@ pub trait Backend {
         d: &mut Self::LevelVector,
         x: &mut Self::LevelVector,
     );
-    /// A product with a matrix of a level, y made of it as `product` says; `b` is read for a residual only.
+    /// A product with a matrix of a level; `product` defines y, and `b` is read for a residual only.
     fn level_multiply(
         &mut self,
         state: &Self::State,

@@ -1,8 +1,8 @@
 //! The CPU against the GPU, and the direct against the iterative path, on the same contact problem.
 //!
-//! Times are wall times of one run on one machine: compare them within a run, not between machines. Beside
-//! each stands what it would be at the least: the bytes that the algorithm must move (each input read
-//! once, each output written once) at the bandwidth of a copy measured in the same run.
+//! Times are wall times of one run on one machine: compare them within a run, not between machines. Beside each is its
+//! lower limit: the bytes that the algorithm must move (each input read once, each output written once) at the
+//! bandwidth of a copy measured in the same run.
 
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, GpuError};
@@ -43,10 +43,10 @@ pub enum BenchError {
     Solve(#[from] SolveError),
 }
 
-/// What a backend does with simple work of one size.
+/// Speeds of a backend at simple work of one size.
 #[derive(Clone, Debug, Serialize)]
 pub struct Speeds {
-    /// Where.
+    /// The path.
     pub path: String,
     /// Unknowns.
     pub n: usize,
@@ -71,7 +71,7 @@ pub struct Speeds {
 /// A contact problem solved on one path.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Where and how.
+    /// The path.
     pub path: String,
     /// Refinement of the mesh: k of the plane, cells per metre in space.
     pub k: usize,
@@ -79,7 +79,7 @@ pub struct Row {
     pub n: usize,
     /// Contact nodes.
     pub m: usize,
-    /// How it ended.
+    /// Its end.
     pub status: Status,
     /// Seconds for the factor, or for the hierarchy and moving it.
     pub set_up: f64,
@@ -224,7 +224,7 @@ pub fn measure_gpu<const D: usize>(
     let copy = gpu.copy_bandwidth()?;
     let real = context.precision.bytes();
     let path = format!("gpu {}", context.precision);
-    // In f32 a solve to 1e-8 consists of corrections: the iteration is that of PCG in f32 all the same.
+    // In f32 a solve to 1e-8 consists of corrections, but each iteration is PCG in f32.
     speeds(path, gpu, problem, copy, real)
 }
 
@@ -260,8 +260,8 @@ impl Path {
     }
 }
 
-/// Solves the problem on each path; `before` hears which comes next. `speeds` has those of the same problem. (One text: a path
-/// has to be set up, timed and let go before the next one takes its memory.)
+/// Solves the problem on each path; `before` is told which comes next. `speeds` has those of the same problem. (One function,
+/// because a path has to be set up, timed and dropped before the next one takes its memory.)
 pub fn solve_on<const D: usize>(
     paths: &[Path],
     k: usize,

@@ -26,15 +26,15 @@ use std::path::{Path, PathBuf};
 
 /// Exit code for an error: bad input, no such adapter, out of memory.
 const ERROR: u8 = 1;
-/// Exit code for a stop without convergence; what was computed is written.
+/// Exit code for a stop without convergence; results so far are written.
 const NOT_CONVERGED: u8 = 3;
 
 #[derive(Parser)]
 #[command(
     version,
     about = "Contact with friction between elastic bodies and rigid obstacles",
-    after_help = "Exit codes: 0 done, of a solve: converged; 1 error, with a message that says where and what to do; \
-                  2 wrong usage; 3 stopped without convergence. `signorini solve --help` says more about them."
+    after_help = "Exit codes: 0 done (a solve: converged); 1 error, with a message that says where and what to do; 2 \
+                  wrong usage; 3 stopped without convergence. `signorini solve --help` has the details."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -45,12 +45,14 @@ struct Cli {
 enum Command {
     /// Solve a case and write report.json, solution.vtu, contact.csv and, with --plots, report.html
     #[command(
-        after_help = "Exit codes: 0 converged; 1 error; 2 wrong usage; 3 stopped without convergence, by a limit, \
-                      stagnation, loads that nothing holds, or Ctrl-C (SIGTERM as well): what was computed is written, and \
-                      `status` in report.json says which. A second Ctrl-C ends the program at once, with 130."
+        after_help = "Exit codes: 0 converged; 1 error; 2 wrong usage; 3 stopped without convergence: a limit, \
+                      stagnation, a body that is not held, or Ctrl-C (SIGTERM as well). Results so far are written, \
+                      and `status` in report.json names the reason. A second Ctrl-C ends the program at once, with \
+                      130."
     )]
     Solve(SolveArguments),
-    /// Read a case and its meshes, print what was understood and what memory the solve will take; solve nothing
+    /// Read a case and its meshes, print how they were understood and how much memory the solve will take; solve
+    /// nothing
     Check {
         /// The case file (TOML), a deck of Abaqus or CalculiX (.inp), or a mesh (.msh, .inp, .vtu)
         case: PathBuf,
@@ -60,19 +62,19 @@ enum Command {
         #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
         settings: Vec<String>,
     },
-    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a file of Gmsh (MSH 2.2), and list its regions and boundaries; or a
-    /// deck of Abaqus or CalculiX (.inp) as a case file (.toml) with its mesh beside it
+    /// Write a mesh of Abaqus (.inp), VTK (.vtu) or Gmsh as a Gmsh file (MSH 2.2), and list its regions and boundaries; or
+    /// write a deck of Abaqus or CalculiX (.inp) as a case file (.toml) with its mesh beside it
     Convert {
         /// The mesh to read: .inp, .vtu or .msh
         input: PathBuf,
-        /// The file to write, .msh or, of a deck, .toml; one that is there already is replaced
+        /// The file to write, .msh or, for a deck, .toml; an existing file is replaced
         output: PathBuf,
         #[command(flatten)]
         deck: DeckArguments,
         /// Factor for the coordinates, e.g. 1e-3 to bring a drawing in millimetres to metres
         #[arg(long, default_value_t = 1.0, value_name = "F")]
         scale: f64,
-        /// The cell array of a .vtu file whose values tell regions and boundaries apart
+        /// The cell array of a .vtu file whose values distinguish regions and boundaries
         #[arg(long, value_name = "NAME")]
         cell_data: Option<String>,
     },
@@ -82,11 +84,11 @@ enum Command {
     Table1(Table1Arguments),
     /// Measure the CPU against the GPU and Cholesky against PCG on one contact problem of growing size
     ///
-    /// It is reference case B, in space case C. Every path solves the same problem, and their answers are compared: where
-    /// they disagree the exit code is 3. Times are those of this machine as it is; let nothing else run.
+    /// The problem is reference case B, in space case C. All paths solve it, and the program compares their answers: if
+    /// they disagree, the exit code is 3. Other programs on this machine distort the times.
     #[cfg(feature = "gpu")]
     Bench(BenchArguments),
-    /// List the GPUs and software adapters with what they can do, the one that would be taken first
+    /// List the GPUs and software adapters with their capabilities, in order of preference
     #[cfg(feature = "gpu")]
     Adapters,
     /// Print a script that completes commands, options and their values in a shell
@@ -94,7 +96,7 @@ enum Command {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Write the man pages, signorini.1 and one of each command, into a directory, or print signorini.1
+    /// Write the man pages, signorini.1 and one for each command, into a directory, or print signorini.1
     Man {
         /// Where to write the pages, e.g. ~/.local/share/man/man1; made if it is not there [default: print signorini.1]
         #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -108,7 +110,7 @@ struct SolveArguments {
     case: PathBuf,
     #[command(flatten)]
     deck: DeckArguments,
-    /// Where to write the results; those of a run before are removed [default: beside the case, its name + "-out"]
+    /// Where to write the results; those of an earlier run are removed [default: beside the case, its name + "-out"]
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -124,7 +126,7 @@ struct SolveArguments {
     /// No progress, no summary: results go to files, errors to standard error
     #[arg(long, short)]
     quiet: bool,
-    /// Tell more: what was chosen and why, sizes, levels of multigrid, the time of each phase, what a GPU was asked for
+    /// Report more: choices and their reasons, sizes, levels of multigrid, the time of each phase, requests to a GPU
     #[arg(long, short)]
     verbose: bool,
 }
@@ -144,7 +146,7 @@ struct ExportArguments {
 
 #[derive(clap::Args)]
 struct Table1Arguments {
-    /// What touches what; sizes are the paper's
+    /// Which bodies touch; sizes are the paper's
     #[arg(long, value_enum, default_value = "one-body")]
     geometry: GeometryArgument,
     /// Largest refinement: rows k = 1, 3, … up to this; the paper ends with 13
@@ -166,7 +168,7 @@ struct BenchArguments {
     /// 2 measures a rectangle of squares (reference case B), 3 a block of hexahedra (case C), both on a rigid plane
     #[arg(long, value_name = "D", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3))]
     dimension: u8,
-    /// Order of the elements: 2 gives those of the same mesh nodes between their corners, on a rigid plane all the same
+    /// Order of the elements: 2 measures second-order elements on the same mesh, always on a rigid plane
     #[arg(long, value_name = "ORDER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     order: u8,
     /// Refinements k of the mesh: n ≈ 1200 k², in space cells per metre: n ≈ 9 k³ (of second order 4 and 8 times as many)
@@ -183,19 +185,19 @@ struct BenchArguments {
     json: Option<PathBuf>,
 }
 
-/// How a deck is read.
+/// Reading of decks.
 #[derive(clap::Args)]
 struct DeckArguments {
-    /// Of a deck (.inp): go on without these keywords, options or types of elements though they change the result, e.g.
-    /// --ignore NLGEOM,PLASTIC
+    /// For a deck (.inp): continue without these keywords, options or types of elements though they change the result,
+    /// e.g. --ignore NLGEOM,PLASTIC
     #[arg(long, value_delimiter = ',', value_name = "KEYWORD,…")]
     ignore: Vec<String>,
 }
 
-/// What does the arithmetic.
+/// The choice of processor and solver.
 #[derive(clap::Args)]
 struct EngineArguments {
-    /// Where to compute, as far as --stiffness leaves it open: the sparse factor is made on the CPU
+    /// Where to compute, unless --stiffness decides it: the sparse factor is made on the CPU
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
     /// How to solve systems with the stiffness matrix K; both ways lead to the same accuracy
@@ -208,15 +210,15 @@ struct EngineArguments {
     gpu: GpuArguments,
 }
 
-/// Which GPU, and how.
+/// The choice of GPU and its precision.
 #[derive(clap::Args)]
 struct GpuArguments {
-    /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not concerned
+    /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not affected
     #[arg(long, value_enum, default_value = "auto")]
     precision: Precision,
     /// The GPU or software adapter to take: a part of its name, or its number in the list of `signorini adapters`
     ///
-    /// With --backend auto and --stiffness pcg it is taken however small the problem is.
+    /// With --backend auto and --stiffness pcg it is used however small the problem is.
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
 }
@@ -263,7 +265,7 @@ enum Backend {
     Auto,
     /// The CPU
     Cpu,
-    /// PCG on a GPU or, if there is none, on a software adapter; an error where there is neither, or where it fails
+    /// PCG on a GPU or, without one, on a software adapter; an error if neither exists or it fails
     Gpu,
 }
 
@@ -280,7 +282,7 @@ enum Stiffness {
     /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer than PCG; PCG
     /// otherwise, and with --backend gpu
     Auto,
-    /// The sparse Cholesky factor, on the CPU, whatever it takes; not with --backend gpu
+    /// The sparse Cholesky factor, on the CPU, whatever its size; not with --backend gpu
     Cholesky,
     /// Conjugate gradients with the --preconditioner, on the CPU or a GPU
     Pcg,
@@ -346,11 +348,11 @@ enum Started {
     /// With others that it can talk to.
     #[cfg(feature = "mpi")]
     Together(signorini::mpi::World),
-    /// With others, and they cannot work together: the first of them says why, the others only have its exit code.
+    /// Several processes that cannot work together: the first reports the reason, the others only have its exit code.
     Apart(Result<u8, String>),
 }
 
-/// What a launcher (`mpirun`, `srun`) has made of this process. One that it has started alone needs no MPI.
+/// How a launcher (`mpirun`, `srun`) started this process. A process that it started alone needs no MPI.
 fn started() -> Result<Started, String> {
     let Some(place) = launcher::place() else {
         return Ok(Started::Alone);
@@ -362,8 +364,8 @@ fn started() -> Result<Started, String> {
             return Ok(Started::Together(world));
         }
         format!(
-            "{} programs were started that do not know of each other, each alone: the launcher and the MPI of this program do \
-             not fit together; with Slurm try srun --mpi=pmix, or mpirun",
+            "{} processes were started that do not know each other: the launcher does not match the MPI of this \
+             program; with Slurm try srun --mpi=pmix, or mpirun",
             place.size
         )
     };
@@ -390,7 +392,7 @@ fn on_ranks(arguments: &SolveArguments) -> Result<u8, String> {
     }
 }
 
-/// Checks in this process; where a launcher has started several, rank 0 does, and tells how they would share the work.
+/// Checks in this process; if a launcher started several, rank 0 checks and reports how they would share the work.
 fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Result<u8, String> {
     match started()? {
         Started::Alone => check::run(case, ignored, settings),
@@ -408,7 +410,8 @@ fn check_on_ranks(case: &Path, ignored: &[String], settings: &[String]) -> Resul
     }
 }
 
-/// The exit code of a rank. Launchers end all ranks as soon as one ends with an error: who has one to tell does so first.
+/// The exit code of a rank. Launchers end all ranks as soon as one ends with an error, so a rank with a message prints it
+/// first.
 #[cfg(feature = "mpi")]
 fn said_first(group: &signorini::mpi::Group, made: Result<u8, String>) -> u8 {
     let code = made.unwrap_or_else(|message| {
@@ -419,7 +422,7 @@ fn said_first(group: &signorini::mpi::Group, made: Result<u8, String>) -> u8 {
     code
 }
 
-/// Reads a case file, or a deck as a case: with what the deck says and has no effect.
+/// Reads a case file, or a deck as a case, with notes on ignored parts of the deck.
 fn read_case(
     path: &Path,
     ignored: &[String],
@@ -427,7 +430,7 @@ fn read_case(
 ) -> Result<(Case, Vec<String>), String> {
     if !deck::is_deck(path) {
         if !ignored.is_empty() {
-            return Err("--ignore belongs to a deck (.inp)".to_owned());
+            return Err("--ignore applies only to decks (.inp)".to_owned());
         }
         let case = Case::read(path, settings).map_err(|e| advice::message_of(&e))?;
         return Ok((case, Vec::new()));
@@ -439,7 +442,7 @@ fn read_case(
     Ok((case, notes))
 }
 
-/// Writes to standard output; a reader that has gone away (`| head`) is no error.
+/// Writes to standard output; a closed pipe (`| head`) is not an error.
 fn print(text: &str) -> Result<(), String> {
     use std::io::Write as _;
     let mut out = std::io::stdout();
@@ -451,8 +454,8 @@ fn print(text: &str) -> Result<(), String> {
     }
 }
 
-/// Lets a file that grows beyond a limit of the system (`ulimit -f`) be an error like a full disc: unheard, the signal
-/// would end the program in the middle of it.
+/// Turns a file that grows beyond a limit of the system (`ulimit -f`) into an error like a full disc: otherwise the
+/// signal would end the program in the middle of the file.
 fn hear_file_limits() {
     #[cfg(unix)]
     {

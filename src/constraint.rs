@@ -1,17 +1,17 @@
-//! What the multipliers of one contact node may be: the convex sets that Λ is the product of, and Coulomb's cone.
+//! The admissible multipliers of one contact node: the convex sets whose product is Λ, and Coulomb's cone.
 //!
 //! In D dimensions a node has D multipliers: λν, and D − 1 of λτ along its tangents. ‖λτ‖ ≤ g is a disc in space and an
-//! interval in the plane, where all of this gives (4), (5) and Step 2 as they are printed, to the last bit: the
-//! direction λτ/‖λτ‖ is ±1 there.
+//! interval in the plane. In the plane all of this gives (4), (5) and Step 2 as printed, to the last bit: the direction
+//! λτ/‖λτ‖ is ±1 there.
 
 use crate::rounding::ROUNDING;
 use std::array::from_fn;
 
-/// A nearest point with what it depends on: the derivative of the projection.
+/// A nearest point and its derivatives with respect to the data.
 pub(crate) type Projected<const D: usize> = ([f64; D], [[f64; D]; D]);
 
-/// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the
-/// D − 1 tangents, which lie side by side.
+/// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the D −
+/// 1 tangents, which are adjacent.
 pub(crate) fn row_of<const D: usize>(m: usize, i: usize, a: usize) -> usize {
     match a {
         0 => i,
@@ -75,7 +75,7 @@ impl<const D: usize> NodeSets<D> {
         self.turns = false;
     }
 
-    /// What is free of x: zero on what is held.
+    /// The free part of x: zero on held components.
     pub fn free_part(&self, mut x: [f64; D]) -> [f64; D] {
         if !self.contact {
             x[0] = 0.0;
@@ -89,13 +89,13 @@ impl<const D: usize> NodeSets<D> {
         x
     }
 
-    /// How many multipliers are free.
+    /// The number of free multipliers.
     pub fn n_free(&self) -> usize {
         usize::from(self.contact) + self.tangents().count()
     }
 
-    /// In how many of the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ, it differs; slip the other way is another set, slip in a
-    /// direction that has turned is not.
+    /// The number of differences in the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ; slip in the opposite direction is another set,
+    /// slip in a direction that has turned is not.
     pub fn differences(&self, other: &Self) -> usize {
         let slips = match (self.slip, other.slip) {
             (None, None) => true,
@@ -113,7 +113,7 @@ impl<const D: usize> NodeSets<D> {
         }
     }
 
-    /// Puts what is held on its bound; `bound` says what that of λτ is for a λν.
+    /// Puts held components on their bound; `bound` gives the bound of λτ for a λν.
     pub fn hold(&self, mut lambda: [f64; D], bound: impl Fn(f64) -> f64) -> [f64; D] {
         if !self.contact {
             lambda[0] = 0.0;
@@ -145,8 +145,7 @@ impl Disc {
 
     /// P_Λ: the projections (4) and (5).
     ///
-    /// The sum of max-functions in (5) is the clamp to [−g, g]; written as such it leaves what is inside exactly as it
-    /// was.
+    /// The sum of max-functions in (5) is the clamp to [−g, g]; a clamp leaves interior points exactly as they are.
     pub fn project<const D: usize>(self, z: [f64; D]) -> [f64; D] {
         self.nearest(z).0
     }
@@ -184,7 +183,7 @@ impl Disc {
         self.sets(z[0] >= 0.0, slips.then(|| direction(z, -1.0)))
     }
 
-    /// What of λ ∈ Λ lies on a bound and would be pushed out by a step against the gradient r.
+    /// The components of λ ∈ Λ that are on a bound and that a step against the gradient r would push out.
     pub fn binding<const D: usize>(self, lambda: [f64; D], r: [f64; D]) -> NodeSets<D> {
         let s = direction(lambda, 1.0);
         let along: f64 = (1..D).map(|a| s[a] * r[a]).sum();
@@ -192,8 +191,8 @@ impl Disc {
         self.sets(!(lambda[0] <= 0.0 && r[0] >= 0.0), pushed.then_some(s))
     }
 
-    /// The sets at a solution λ ∈ Λ with gradient r: points within the disc are as good as those on its border, but for the
-    /// tolerance, and what z = λ − ρr predicts says where λτ belongs; where g = 0 the direction of slip, r = −Tu.
+    /// The sets at a solution λ ∈ Λ with gradient r. Up to the tolerance, points within the disc are as good as those on
+    /// its border, so the prediction z = λ − ρr decides the set of λτ; where g = 0, the direction of slip r = −Tu does.
     pub fn at_solution<const D: usize>(
         self,
         lambda: [f64; D],
@@ -221,14 +220,14 @@ impl Disc {
         }
     }
 
-    /// Whether λτ lies on its bound: in space, where its length is a root, but for rounding.
+    /// Whether λτ is on its bound: in space up to rounding, because its length is a square root.
     pub fn at_bound<const D: usize>(self, lambda: [f64; D]) -> bool {
         let within = if D == 2 { 1.0 } else { 1.0 - ROUNDING };
         !(tangential(lambda) < within * self.g)
     }
 
-    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to turn back:
-    /// Newton's step turns it along the tangent, and to put it elsewhere first would cost a product.
+    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to reverse:
+    /// Newton's step turns it along the tangent, and moving it elsewhere first would cost a product.
     pub fn predict_from<const D: usize>(self, lambda: [f64; D], z: [f64; D]) -> NodeSets<D> {
         let mut sets = self.predict(z);
         if let Some(s) = &mut sets.slip
@@ -288,7 +287,7 @@ pub(crate) fn lawful<const D: usize>(given: f64, mu: f64, z: [f64; D]) -> Projec
 pub(crate) fn tangential<const D: usize>(z: [f64; D]) -> f64 {
     match D {
         2 => z[1].abs(),
-        // hypot takes several times as long, and is called wherever a disc is.
+        // hypot takes several times as long, and this runs for every disc.
         _ => match z[1..].iter().map(|t| t * t).sum::<f64>() {
             square if square.is_normal() => square.sqrt(),
             _ => z[1..].iter().fold(0.0, |sum: f64, t| sum.hypot(*t)),
@@ -343,7 +342,7 @@ mod tests {
                 let (ahead, behind) = (moved(STEP), moved(-STEP));
                 for a in 0..D {
                     let difference = (ahead.0[a] - behind.0[a]) / (2.0 * STEP);
-                    // But for kinks.
+                    // Except at kinks.
                     let kink = (ahead.1[a][b] - behind.1[a][b]).abs() > 1e-3;
                     let off = (derivative[a][b] - difference).abs();
                     assert!(off < 1e-6 || kink, "{z:?}: {a}, {b}: {off}");
@@ -366,7 +365,7 @@ mod tests {
 
     /// (4) and (5) and the sets of Step 2 as they are printed.
     #[test]
-    fn in_the_plane_it_is_what_the_paper_says() {
+    fn in_the_plane_it_agrees_with_the_paper() {
         let printed = |t: f64, g: f64| 0.0_f64.max(t + g) - 0.0_f64.max(t - g) - g;
         for seed in 0..200 {
             let z = arbitrary::<2>(seed);
@@ -387,7 +386,7 @@ mod tests {
         }
     }
 
-    /// What is free of a node are directions at right angles to each other, and none that is held.
+    /// The free directions of a node are orthonormal, and no held direction is among them.
     #[test]
     fn free_directions_make_a_frame() {
         fn check<const D: usize>() {
@@ -424,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn slip_goes_on_in_its_direction_until_it_turns_back() {
+    fn slip_continues_in_its_direction_until_it_reverses() {
         let disc = Disc { g: 2.0 };
         let on_circle = [1.0, 2.0 * 0.6, 2.0 * 0.8];
         let slip = |lambda: [f64; 3], z: [f64; 3]| {

@@ -1,8 +1,8 @@
 //! Contact: from boundaries to the rows of N and T, the gaps d and the slip bounds g.
 //!
-//! A boundary meets a rigid [`Obstacle`] node by node ([`obstacle_contact`]), or the boundary of another body
-//! through a mortar coupling of meshes that need not match ([`mortar_contact`]). What boundaries have in common is
-//! geometry of the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
+//! A boundary meets a rigid [`Obstacle`] node by node ([`obstacle_contact`]), or the boundary of another body through a
+//! mortar coupling of meshes that need not match ([`mortar_contact`]). The common part of two boundaries is geometry of
+//! the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
 
 mod equal;
 mod mortar;
@@ -56,48 +56,49 @@ impl<const D: usize> Friction<'_, D> {
     }
 }
 
-/// How the slip bound of a contact node comes about.
+/// The source of the slip bound of a contact node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SlipBound {
     /// A given force (Tresca; 0 without friction).
     Given(f64),
     /// This coefficient times the normal force (Coulomb).
     Coulomb(f64),
-    /// None: the place is tied to what it meets.
+    /// None: the place is tied to the other side.
     Tied,
 }
 
 /// Between the 45° of a circle of eight facets and the 60° of a hexagon.
 pub const EDGE_ANGLE: f64 = 50.0;
 
-/// What is said about a contact beside its boundaries.
+/// The definition of a contact apart from its boundaries.
 #[derive(Clone, Copy)]
 pub struct PairOptions<'a, const D: usize = 2> {
     /// The friction law.
     pub friction: Friction<'a, D>,
     /// The initial gap as a function of the place, instead of the distance of the meshes.
     pub gap: Option<Field<'a, D>>,
-    /// How far the boundaries overlap where they touch, as a function of the place: what is pressed or shrunk on. It
-    /// stands instead of a gap, and whatever the meshes overlap.
+    /// The interference of the boundaries as a function of the place: the overlap of pressed or shrunk parts. It
+    /// replaces a gap, whatever the overlap of the meshes.
     pub interference: Option<Field<'a, D>>,
-    /// Whether what the meshes overlap, beyond what counts as touching, is an interference: it is pressed apart.
+    /// Whether an overlap of the meshes, beyond touching, is an interference that contact presses apart.
     pub overlap: bool,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
-    /// What is added to the gap that the meshes have: below 0 for coatings, above 0 for a law that begins with an overlap; in m.
+    /// An offset added to the gap of the meshes: below 0 for coatings, above 0 for a law that begins with an overlap; in m.
     pub offset: f64,
     /// Stiffnesses per area of the contact itself, normal and tangential, in Pa/m, as functions of the place: the gap may close by
     /// pressure / stiffness, and slip begins after traction / stiffness. None: hard.
     pub stiffness: [Option<Field<'a, D>>; 2],
     /// Between bodies: edges sharper than this angle between the normals of neighbouring facets, in degrees, cut a
-    /// boundary into parts with contact forces and normals of their own.
+    /// boundary into parts with their own contact forces and normals.
     pub edge_angle: f64,
-    /// Of nodes on planes of symmetry: the normals of those. The averaged normals of a boundary lie in these planes.
+    /// For nodes on planes of symmetry, the normals of those planes. The averaged normals of a boundary are in these
+    /// planes.
     pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
     pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
-    /// What lies farther apart is no candidate for contact between bodies, and Tresca's bound does not act there
-    /// on an obstacle; None: half the diagonal of the box around the smaller boundary.
+    /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
+    /// obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
 }
 
@@ -120,7 +121,7 @@ impl<const D: usize> Default for PairOptions<'_, D> {
 }
 
 impl<const D: usize> PairOptions<'_, D> {
-    /// The gap that counts at x, where the geometry says `distance`.
+    /// The effective gap at x, where the geometry gives `distance`.
     fn gap_at(&self, x: [f64; D], distance: f64, rounding: f64) -> f64 {
         if let Some(interference) = self.interference {
             return -interference(x);
@@ -130,7 +131,7 @@ impl<const D: usize> PairOptions<'_, D> {
         (if counts { 0.0 } else { gap }) + self.offset
     }
 
-    /// How far a place gives way per force, normal and along its tangents: 1/(k a).
+    /// The compliance of a place, normal and along its tangents: 1/(k a).
     fn compliance_at(&self, x: [f64; D], area: f64) -> Result<[f64; 2], ContactError> {
         let mut compliance = [0.0; 2];
         for (compliance, stiffness) in compliance.iter_mut().zip(self.stiffness) {
@@ -200,37 +201,35 @@ impl<const D: usize> PairOptions<'_, D> {
 /// A place of a contact boundary that a contact force acts at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPlace<const D: usize = 2> {
-    /// Where it lies.
+    /// Its position.
     pub place: [f64; D],
-    /// The node of the mesh that it is; None on the border of what is covered of a facet.
+    /// Its node of the mesh; None at the border of the covered part of a facet.
     pub node: Option<u32>,
-    /// The nodes of its own body, with weights that add up to 1 and have the place as their mean: one at a node, as a
-    /// rule.
+    /// The nodes of its own body, with weights that add up to 1 and whose mean is the place: usually one, at a node.
     pub own: Vec<(u32, f64)>,
     /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.
     pub partners: Vec<(u32, f64)>,
-    /// Both of these in the row along each direction of the frame, where nodes of its own side are held; else empty.
+    /// Both sides in the row along each direction of the frame, where nodes of its own side are held; otherwise empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)
     pub frame: [[f64; D]; D],
     /// Initial distance along ν.
     pub gap: f64,
-    /// ∫ β ds times the thickness, over what may come into contact, with the function β of the place (at a node φ): the
-    /// area that turns forces into stresses. On facets of second order between bodies it is |∫ β n ds|, with which a uniform
-    /// pressure on a curved surface is uniform to 1e-5 where ∫ β ds is off by 1e-3 (rings of 8 facets a quarter).
+    /// ∫ β ds times the thickness over the part that may come into contact, with the function β of the place (at a node φ):
+    /// the area that turns forces into stresses. On facets of second order between bodies it is |∫ β n ds|, with which a
+    /// uniform pressure on a curved surface is uniform to 1e-5 where ∫ β ds is off by 1e-3 (rings of 8 facets a quarter).
     pub area: f64,
-    /// Places with the same number have their pressure in common where it is shown: a force on hardly any area says
-    /// little by itself.
+    /// Places with the same number share one displayed pressure: a force on hardly any area means little by itself.
     pub pool: u32,
     /// The slip bound as a nodal force.
     pub slip_bound: SlipBound,
-    /// By how much the contact itself gives way per force, along ν and along the tangents, in m/N; 0: hard.
+    /// The compliance of the contact itself, along ν and along the tangents, in m/N; 0: hard.
     pub compliance: [f64; 2],
 }
 
 impl<const D: usize> ContactPlace<D> {
-    /// The nodes of its own body and those that it meets in the row along direction `a` of its frame.
+    /// The nodes of its own body and of the other side in the row along direction `a` of its frame.
     pub fn sides(&self, a: usize) -> [&[(u32, f64)]; 2] {
         match self.directed.get(a) {
             Some([own, partners]) => [own, partners],
@@ -280,7 +279,7 @@ fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]
         return;
     }
     let [s, t] = [frame[1], frame[2]];
-    // The column of the projector that is longest is along the direction.
+    // The longest column of the projector is along the direction.
     let way = (0..D)
         .map(|c| onto[c])
         .max_by(|a, b| length(*a).total_cmp(&length(*b)));
@@ -304,41 +303,42 @@ impl SlipBound {
     }
 }
 
-/// What elastic bodies in contact need of D dimensions: `where ElementKind: Space<D>` says it all.
+/// The requirements of elastic contact in D dimensions: `where ElementKind: Space<D>` states all of them.
 pub trait Space<const D: usize>: Topology<D> + Mortar<D> {}
 
 impl<const D: usize, T: Topology<D> + Mortar<D>> Space<D> for T {}
 
-/// What else can be done about overlaps in a drawing.
-const OVERLAPS: &str = "or say what it means: overlaps up to some distance count as touching (adjust), the gap is another one than \
-     drawn (gap), or what overlaps is pressed apart (overlap = \"interference\")";
+/// Other remedies for overlaps in a drawing.
+const OVERLAPS: &str = "or state what the overlap means: overlaps up to a distance count as touching (adjust), the \
+                        true gap is not the drawn one (gap), or the sides are pressed apart (overlap = \
+                        \"interference\")";
 
-/// What is wrong with a contact definition.
+/// A fault in the definition of a contact.
 #[derive(Debug, thiserror::Error)]
 pub enum ContactError {
-    /// A node lies in the obstacle.
+    /// A node is inside the obstacle.
     #[error(
         "the node at {place} lies {depth:.3e} inside the obstacle: move the body or the obstacle apart, {OVERLAPS}"
     )]
     Overlap {
         /// The node.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
-    /// Two bodies lie in each other.
+    /// Two bodies overlap.
     #[error("the boundaries overlap by {depth:.3e} at {place}: move the bodies apart, {OVERLAPS}")]
     BodiesOverlap {
-        /// Where they do so most.
+        /// The place of the largest overlap.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
-    /// A node that meets several rigid obstacles, of which the normal rows depend on each other.
+    /// A node meets several rigid obstacles whose normal rows depend on each other.
     #[error(
-        "the node at {place} meets several rigid obstacles whose normals are not independent in what supports leave it of \
-         its freedom: name the boundary in fewer contacts, let the obstacles differ clearly in direction there, or free \
-         the node"
+        "the node at {place} meets several rigid obstacles whose normals depend on each other in the directions that \
+         supports leave free: name the boundary in fewer contacts, let the obstacles differ clearly in direction \
+         there, or free the node"
     )]
     Twice {
         /// The node.
@@ -346,20 +346,19 @@ pub enum ContactError {
     },
     /// Prescribed displacements penetrate.
     #[error(
-        "supports drive the node at {place} {depth:.3e} into what it is in contact with, and leave it no \
+        "supports drive the node at {place} {depth:.3e} into the body or obstacle that it touches, and leave it no \
          freedom to give way: change the prescribed displacement, or free the node"
     )]
     Driven {
         /// The node.
         place: Location,
-        /// How deep.
+        /// The depth.
         depth: f64,
     },
     /// Prescribed displacements make a node slide in one direction, while it is free in another one.
     #[error(
-        "supports move the node at {place} along what it is in contact with, in one direction, and leave it free in \
-         the other: friction would have to follow both. Prescribe both (or hold other nodes than those of the \
-         contact), or state no friction there"
+        "supports move the node at {place} along its contact in one direction and leave it free in the other, which \
+         friction cannot follow. Prescribe both (or hold nodes outside the contact), or state no friction there"
     )]
     DrivenAlong {
         /// The node.
@@ -367,8 +366,8 @@ pub enum ContactError {
     },
     /// Prescribed displacements move the sides of a tie apart.
     #[error(
-        "supports move the sides of the tie at {place} by {apart:.3e} against each other, and leave neither the freedom to follow: \
-         change what they prescribe"
+        "supports move the sides of the tie at {place} by {apart:.3e} against each other, and leave neither free to \
+         follow: change the prescribed displacements"
     )]
     DrivenApart {
         /// The place.
@@ -387,18 +386,18 @@ pub enum ContactError {
         "no part of it faces the obstacle: the normal of a {obstacle} points out of the obstacle, towards the body"
     )]
     FacesAway {
-        /// What the obstacle is called.
+        /// The name of the obstacle.
         obstacle: &'static str,
     },
-    /// The boundary lies inside a circle (sphere, cylinder).
+    /// The boundary is inside a circle (sphere, cylinder).
     #[error(
-        "no part of it faces the {obstacle} from outside: the obstacle is the {solid} itself, which the body must lie \
-         outside of; a hole around a body is no obstacle of this kind (mesh its wall, hold it, and let the body meet that boundary)"
+        "no part of it faces the {obstacle} from outside: the obstacle is the {solid} itself, and the body must be \
+         outside it; for a hole around a body mesh its wall, hold it, and let the body meet that boundary"
     )]
     Inside {
-        /// What the obstacle is called.
+        /// The name of the obstacle.
         obstacle: &'static str,
-        /// What that is full of.
+        /// The name of its solid interior.
         solid: &'static str,
     },
     /// A circle (sphere, cylinder) has no direction at its centre (axis).
@@ -409,7 +408,7 @@ pub enum ContactError {
     NoNormal {
         /// The node.
         place: Location,
-        /// What the obstacle is called.
+        /// The name of the obstacle.
         obstacle: &'static str,
     },
     /// The averaged normal of a node vanishes.
@@ -424,29 +423,29 @@ pub enum ContactError {
         if nearest > distance {
             format!("they are at least {nearest:.3e} apart: check the boundaries, or set search_distance")
         } else {
-            "they come near each other, but no facet lies straight across one that looks back at it: check which boundaries these are".to_owned()
+            "they come near each other, but no two of their facets face each other: check the boundaries".to_owned()
         }
     )]
     Apart {
         /// The search distance.
         distance: f64,
-        /// How far the boxes around their facets are apart at least.
+        /// The least distance of the boxes around their facets.
         nearest: f64,
     },
-    /// A stiffness of contact that is none.
+    /// An invalid stiffness of contact.
     #[error(
         "the contact stiffness is {value} at {place}: it must be a finite number > 0; leave it out where contact is hard"
     )]
     Stiffness {
-        /// Where.
+        /// The place.
         place: Location,
         /// The value there.
         value: f64,
     },
-    /// A stiffness of contact so small or so large that nothing can be computed with it.
-    #[error("the contact gives way by {value:e} per force at {place}: {SIZES}")]
+    /// A stiffness of contact that is out of range.
+    #[error("the compliance of the contact is {value:e} at {place}: {SIZES}")]
     Compliance {
-        /// Where.
+        /// The place.
         place: Location,
         /// 1 / (stiffness · area).
         value: f64,
@@ -454,16 +453,16 @@ pub enum ContactError {
     /// A value that must be finite and not negative.
     #[error("the {what} is {value} at {place}: it must be a finite number ≥ 0")]
     NotPositive {
-        /// What it is about.
+        /// The quantity at fault.
         what: &'static str,
-        /// Where.
+        /// The place.
         place: Location,
         /// The value there.
         value: f64,
     },
 }
 
-/// The rounding of coordinates: what this distance and less means touching.
+/// The rounding of coordinates: within this distance sides touch.
 fn rounding<const D: usize>(body: &Body<D>) -> f64
 where
     ElementKind: Topology<D>,
@@ -488,8 +487,7 @@ fn checked<const D: usize>(
     Err(ContactError::NotPositive { what, place, value })
 }
 
-/// How far apart two boundaries may be where nobody has said it: half the diagonal of the smaller of the boxes around
-/// them.
+/// The default search distance of two boundaries: half the diagonal of the smaller of the boxes around them.
 fn reach<const D: usize>(boxes: [([f64; D], [f64; D]); 2]) -> f64 {
     let [a, b] = boxes.map(diagonal);
     0.5 * a.min(b)

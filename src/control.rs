@@ -1,9 +1,9 @@
-//! What every loop is given and gives back: when to stop, how accurate to be, what it has cost.
+//! Input and output of every loop: stopping, accuracy, costs.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// Why a computation was stopped from outside.
+/// The reason why a computation was stopped from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Stopped {
     /// Time is up.
@@ -39,20 +39,19 @@ impl Stop<'_> {
     }
 }
 
-/// How accurately a system K x = b is solved; e is the error of x.
+/// The accuracy of the solution of a system K x = b; e is the error of x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Accuracy {
     /// ‖b − Kx‖ ≤ τ‖b‖.
     Residual(f64),
     /// √(eᵀKe) ≤ `absolute`, or ≤ `relative` · √(xᵀKx), or a sum of squares of the two.
     ///
-    /// PCG lowers eᵀKe by α rᵀz in every iteration: Hestenes and Stiefel, J. Res. Nat. Bur. Standards 49
-    /// (1952) 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80. Over up to nine iterations, what is
-    /// still to come is estimated from the last of these terms and from how fast they have fallen in the
-    /// runs before. A longer run has met a slow part of the spectrum, where they fall and rise again: there
-    /// the sum over the last fifth to third of the iterations is taken for what is still to come.
-    /// No such estimate sees a part of the spectrum that PCG has not reached yet: with a stiff inclusion that
-    /// begins to move only after many iterations, the error is underestimated.
+    /// PCG lowers eᵀKe by α rᵀz in every iteration: Hestenes and Stiefel, J. Res. Nat. Bur. Standards 49 (1952)
+    /// 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80. Over up to nine iterations, the remainder is estimated
+    /// from the last of these terms and from how fast they fell in earlier runs. A longer run has met a slow part of
+    /// the spectrum, where they fall and rise again: there the sum over the last fifth to third of the iterations is
+    /// the estimate. No such estimate sees a part of the spectrum that PCG has not reached yet: with a stiff inclusion
+    /// that begins to move only after many iterations, the error is underestimated.
     Energy {
         /// Of √(eᵀKe).
         absolute: f64,
@@ -61,18 +60,18 @@ pub enum Accuracy {
     },
 }
 
-/// How a u that follows λ has come closer to K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
+/// The progress of a u that follows λ towards K⁻¹(f − Bᵀλ), in the norm √(vᵀKv).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Correction {
-    /// What it has moved by.
+    /// The change of the solution.
     pub change: f64,
     /// Its present error, as PCG estimates it.
     pub remaining: f64,
-    /// PCG is slow: what is left is smoother than what it has moved by.
+    /// PCG is slow: the remaining error is smoother than the change.
     pub slow: bool,
 }
 
-/// What the solves have cost so far.
+/// The costs of all solves so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SolveCounts {
     /// Systems with K solved.
@@ -81,7 +80,7 @@ pub struct SolveCounts {
     pub iterations: usize,
 }
 
-/// What a backend has done so far; all zero on the CPU.
+/// The work of a backend so far; all zero on the CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counters {
     /// Kernel launches.
@@ -92,7 +91,7 @@ pub struct Counters {
     pub submissions: usize,
 }
 
-/// What the nested path has cost.
+/// The costs of the nested path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Costs {
     /// Systems with K and their iterations.

@@ -1,8 +1,8 @@
 //! Whole decks: input files of Abaqus and CalculiX, as cases.
 //!
-//! A deck of static steps in its linear-elastic, small-strain subset becomes a mesh and what a case file says of one: [`read`]. What
-//! changes the result and cannot be said in a case is refused, all of it in one message; what does not is passed over.
-//! `docs/decks.md` says what is understood.
+//! A deck of static steps in its linear-elastic, small-strain subset becomes a mesh and the definition of a model on it: [`read`].
+//! Entries that change the result and that a case cannot express are refused, all in one message; other entries are skipped.
+//! `docs/decks.md` lists the supported keywords.
 
 mod adjust;
 mod cards;
@@ -23,24 +23,24 @@ use std::path::{Path, PathBuf};
 pub struct Deck {
     /// Its file.
     pub path: PathBuf,
-    /// What it calls itself; empty if it does not.
+    /// The deck's own title; empty without one.
     pub title: String,
     /// The mesh, with the boundaries, sets of nodes and regions that the definition names.
     pub mesh: AnyMesh,
-    /// What a case file calls the file of the mesh.
+    /// The name of the mesh file in the case file.
     pub mesh_file: String,
-    /// What is said of the mesh.
+    /// The model on the mesh.
     pub(crate) definition: AnyDefinition,
-    /// Where the tables of a case file come from that say it.
+    /// The lines of the deck from which the tables of the case file come.
     pub origins: Vec<Origin>,
     /// The numbers of the nodes of the mesh in the deck, in their order (of instances, each in its part). Nodes that are made
     /// here, in the middle of faces, follow them.
     pub node_numbers: Vec<u64>,
-    /// What the deck says and has no effect here, a line each.
+    /// Entries of the deck that have no effect here, a line each.
     pub notes: Vec<String>,
 }
 
-/// What is said of a mesh of either dimension.
+/// The model on a mesh of either dimension.
 #[derive(Clone, Debug)]
 pub(crate) enum AnyDefinition {
     Plane(Definition),
@@ -58,7 +58,7 @@ impl AnyDefinition {
     }
 }
 
-/// Where a table of a case comes from in a deck.
+/// The origin of a table of a case in a deck.
 #[derive(Clone, Debug)]
 pub struct Origin {
     /// The path of the table, such as `support[0]`.
@@ -69,19 +69,19 @@ pub struct Origin {
     pub line: usize,
 }
 
-/// Why a deck is no case.
+/// The reasons why a deck is not a case.
 #[derive(Debug, thiserror::Error)]
 pub enum DeckError {
-    /// A file could not be read, or a line makes no sense.
+    /// A file could not be read, or a line is invalid.
     #[error(transparent)]
     File(#[from] FileError),
-    /// It says what changes the result and cannot be said in a case.
+    /// It has entries that change the result and that a case cannot express.
     #[error("{}", listed(path, refusals))]
     Refused {
         /// The deck.
         path: PathBuf,
-        /// What: place (file and line), the keyword that `--ignore` takes (empty where that would leave nothing that makes sense), and
-        /// why.
+        /// For each: place (file and line), the keyword that `--ignore` takes (empty if ignoring it leaves no valid case), and the
+        /// reason.
         refusals: Vec<(String, String, String)>,
     },
 }
@@ -93,7 +93,7 @@ fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
         true => String::new(),
         false => format!("; to go on without it: --ignore '{}'", keys.join(",")),
     };
-    // What is said of several lines stands once.
+    // A remark on several lines appears once.
     let mut places: Vec<(&str, Vec<&str>)> = Vec::new();
     for (place, _, text) in refusals {
         match places.iter_mut().find(|one| one.0 == text) {
@@ -106,18 +106,18 @@ fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
         n => format!("\n  {} and {} more: {text}", places[..3].join(", "), n - 3),
     });
     format!(
-        "{}: this deck says what changes the result and is not understood here{way_out}{}",
+        "{}: this deck has entries that change the result and are not supported{way_out}{}",
         path.display(),
         lines.collect::<String>()
     )
 }
 
-/// Whether a file is called like a deck (`.inp`).
+/// Whether a file has the ending of a deck (`.inp`).
 pub fn is_deck(path: &Path) -> bool {
     (path.extension()).is_some_and(|extension| extension.eq_ignore_ascii_case("inp"))
 }
 
-/// Whether a deck has a step, and is no mere mesh.
+/// Whether a deck has a step; without one it is only a mesh.
 ///
 /// # Errors
 /// If it cannot be read.
@@ -126,11 +126,10 @@ pub fn has_steps(path: &Path) -> Result<bool, FileError> {
     Ok(deck.cards().iter().any(|card| card.keyword.name == "STEP"))
 }
 
-/// Reads a deck as a case that calls the file of its mesh `mesh_file`; what has a keyword that is `ignored` is passed over even if it
-/// changes the result.
+/// Reads a deck as a case whose mesh file is `mesh_file`; `ignored` keywords are skipped even if they change the result.
 ///
 /// # Errors
-/// If a file cannot be read or makes no sense, or the deck says what cannot be said in a case.
+/// If a file cannot be read or is invalid, or the deck has entries that a case cannot express.
 pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, DeckError> {
     let deck = index::Deck::read(path)?;
     let cards = deck.cards();
@@ -157,7 +156,7 @@ pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, De
             refusals: refusals.collect(),
         }
     };
-    // What shows with the mesh is told as well, as far as that makes sense without what is refused already.
+    // Faults that appear only with the mesh are reported as well, as far as they do not follow from earlier refusals.
     let mut index = match deck.index() {
         Err(_) if !said.refusals.is_empty() => return Err(refused(&said.refusals)),
         index => index?,
@@ -176,7 +175,7 @@ pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, De
         return Err(refused(&refusals));
     }
     for (keyword, line) in &said.passed {
-        let note = format!("{}: *{keyword} is passed over", place(*line));
+        let note = format!("{}: *{keyword} is skipped", place(*line));
         translated.notes.push(note);
     }
     let origins = translated.lines.into_iter().map(|(table, line)| {
@@ -198,8 +197,8 @@ pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, De
         AnyMesh::Space(mesh) => mesh.nodes.len(),
     };
     if translated.has_nodal_values && n_nodes != node_numbers.len() {
-        let text = "*TEMPERATURE: temperatures that differ from node to node, and elements that get nodes in the middle of their faces \
-                    from their neighbours: there are no temperatures for these"
+        let text = "*TEMPERATURE: temperatures differ from node to node, and some elements take mid-face nodes from \
+                    their neighbours: these nodes have no temperature"
             .to_owned();
         return Err(deck.error((1, text)).into());
     }

@@ -15,15 +15,15 @@ use faer::{Accum, Conj, Mat, Par};
 
 const PAR: Par = Par::Seq;
 
-/// Eigenvalues, the least first, and eigenvectors (columns) of a symmetric matrix, of which the lower triangle is
-/// read; None if an entry is not finite.
+/// Eigenvalues in ascending order and eigenvectors (columns) of a symmetric matrix, from its lower triangle; None if an
+/// entry is not finite.
 pub(crate) fn symmetric_eigen(matrix: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
     let mut vectors = Mat::zeros(matrix.nrows(), matrix.nrows());
     let values = eigenvalues(matrix, Some(&mut vectors))?;
     Some((values, vectors))
 }
 
-/// The largest of them alone; NaN if an entry is not finite, or there is none.
+/// The largest eigenvalue alone; NaN if an entry is not finite, or for an empty matrix.
 pub(crate) fn symmetric_largest(matrix: &Mat<f64>) -> f64 {
     let values = eigenvalues(matrix, None);
     values
@@ -54,8 +54,8 @@ fn eigenvalues(matrix: &Mat<f64>, vectors: Option<&mut Mat<f64>>) -> Option<Vec<
     Some(values.column_vector().iter().copied().collect())
 }
 
-/// The largest eigenvalue of a small symmetric tridiagonal matrix, as Lanczos leaves behind: `off` are the entries beside
-/// the diagonal, one fewer. NaN if an entry is not finite, or there is none.
+/// The largest eigenvalue of a small symmetric tridiagonal matrix from Lanczos: `off` are the off-diagonal entries, one
+/// fewer. NaN if an entry is not finite, or for an empty matrix.
 pub(crate) fn tridiagonal_largest(diagonal: &[f64], off: &[f64]) -> f64 {
     let n = diagonal.len();
     let lower = Mat::from_fn(n, n, |i, j| match i.checked_sub(j) {
@@ -172,8 +172,7 @@ pub(crate) fn transposed_product(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     product
 }
 
-/// The Cholesky factor L of a symmetric matrix, of which the lower triangle is read; None if it is not positive
-/// definite.
+/// The Cholesky factor L of a symmetric matrix, from its lower triangle; None if it is not positive definite.
 pub(crate) fn cholesky(mut matrix: Mat<f64>) -> Option<Mat<f64>> {
     let n = matrix.nrows();
     let scratch = llt::factor::cholesky_in_place_scratch::<f64>(n, PAR, Default::default());
@@ -241,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn decompositions_are_what_they_say() {
+    fn decompositions_multiply_back() {
         for n in [1, 2, 5, 40, 150] {
             let m = arbitrary(n + 3, n);
             let gram = transposed_product(&m, &m);
@@ -273,7 +272,7 @@ mod tests {
             for i in 0..n {
                 shifted[(i, i)] += 1.0;
                 for j in 0..i {
-                    // What is above the diagonal is not read.
+                    // Entries above the diagonal are not read.
                     shifted[(j, i)] = f64::NAN;
                 }
             }

@@ -1,4 +1,4 @@
-//! The dual operator A = B K⁻¹ Bᵀ and what belongs to it.
+//! The dual operator A = B K⁻¹ Bᵀ and its parts.
 
 pub(crate) mod balance;
 mod delassus;
@@ -19,10 +19,10 @@ use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
 use faer::Mat;
 
-/// A relative residual that says that PCG did not get anywhere.
+/// From this relative residual on, PCG has made no progress.
 const HARDLY_MOVED: f64 = 0.1;
 
-/// Why a product with A could not be made.
+/// The reason why a product with A could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DualError {
     /// Not an error of the problem: somebody asked to stop.
@@ -40,8 +40,8 @@ pub enum DualError {
 }
 
 impl DualError {
-    /// Whether K⁻¹ was applied, but not as accurately as asked. A residual that has hardly moved is no such case:
-    /// K is singular then.
+    /// Whether K⁻¹ was applied less accurately than requested. A residual that hardly moved does not count: K is
+    /// singular then.
     pub fn is_stalled(&self) -> bool {
         matches!(self, Self::Pcg(PcgError::Stalled { reached, .. }) if *reached < HARDLY_MOVED)
     }
@@ -56,15 +56,15 @@ impl From<PcgError> for DualError {
     }
 }
 
-/// What the semi-smooth Newton method needs of the linear algebra behind the contact problem.
+/// The linear algebra that the semi-smooth Newton method needs.
 ///
-/// Implemented by the Cholesky path, by the nested path on any backend, and by whatever else can apply
-/// K⁻¹; the algorithms are written once over it. Where K⁻¹ is a matter of many iterations, they stop at the
-/// accuracy asked for, and end with [`DualError::Stopped`] once `stop` says so.
+/// The Cholesky path and the nested path on any backend implement it, as can any other way to apply K⁻¹; the algorithms are
+/// written once over it. Iterations for K⁻¹ stop at the requested accuracy, and end with [`DualError::Stopped`] once `stop`
+/// says so.
 ///
 /// # Example
-/// A K whose inverse is only a closure: a chain of springs between two walls, whose inverse is known, and whose third and sixth
-/// links may move by 0.1 until they meet something. The problem is told no more of K than its diagonal.
+/// A K whose inverse is only a closure: a chain of springs between two walls with a known inverse, whose third and sixth links
+/// may move by 0.1 until they touch. The problem itself has only the diagonal of K.
 ///
 /// ```
 /// use signorini::control::{Accuracy, Stop};
@@ -147,8 +147,8 @@ impl From<PcgError> for DualError {
 pub trait DualOperator {
     /// Rows of K, and of B (D m, 2m in the plane), of the problem that it was made for.
     fn size(&self) -> (usize, usize);
-    /// y = A p; both are as long as B has rows, normal part first. Where bodies can move as a whole, p has to leave them in
-    /// balance (G p = 0), and y is known but for a motion Gᵀα.
+    /// y = A p; both are as long as B has rows, normal part first. Where bodies can move as a whole, p must leave them in
+    /// balance (G p = 0), and y is determined only up to a motion Gᵀα.
     fn apply(
         &mut self,
         p: &[f64],
@@ -164,11 +164,11 @@ pub trait DualOperator {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// r = Aλ − b = c − B u with u = K⁺(f − Bᵀλ), where u is kept and its error is lowered from one time to
-    /// the next. Where bodies can move as a whole, λ has to balance them. λ has moved by `along` times the p of the last
-    /// product since, and by nothing else if `along` is not 0: what that product has found of u is used.
+    /// r = Aλ − b = c − B u with u = K⁺(f − Bᵀλ), where u is kept and its error is lowered from call to call. Where
+    /// bodies can move as a whole, λ has to balance them. If `along` is not 0, λ has changed since by exactly `along`
+    /// times the p of the last product, and u makes use of that product.
     ///
-    /// None, without a result, where products are exact and r can be carried along.
+    /// None, without a result, where products are exact and r can be updated.
     fn gradient(
         &mut self,
         _load: &LoadCase,
@@ -180,8 +180,8 @@ pub trait DualOperator {
     ) -> Result<Option<Correction>, DualError> {
         Ok(None)
     }
-    /// u = K⁺(f − Bᵀλ) with ‖f − Bᵀλ − Ku‖ ≤ `residual`, or as close as rounding allows; what is at hand where
-    /// that is infinite.
+    /// u = K⁺(f − Bᵀλ) with ‖f − Bᵀλ − Ku‖ ≤ `residual`, or as close as rounding allows; if `residual` is infinite, the
+    /// present u.
     fn displacement(
         &mut self,
         load: &LoadCase,
@@ -189,31 +189,31 @@ pub trait DualOperator {
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError>;
-    /// K u, and |K| s with the absolute values of its entries: what the entries of K u are sums of, where u is known to s. By
-    /// these the forces are checked at the end.
+    /// K u, and |K| s with the absolute values of the entries of K: the rounding scale of K u where u is known to s. The
+    /// final check measures forces by it.
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError>;
     /// PCG iterations of one system K x = f, f the last one, to a relative residual of `tolerance`, not counted in the costs;
     /// None where K⁻¹ is not applied by iterations.
     fn linear_iterations(&mut self, _tolerance: f64) -> Result<Option<usize>, DualError> {
         Ok(None)
     }
-    /// A itself, where it is at hand as a matrix: the method then asks it whatever it wants to know, and takes no more products than
-    /// it takes steps.
+    /// A itself, where it is available as a matrix: the method then uses it for everything else, and makes no more products than
+    /// steps.
     fn matrix(&self) -> Option<Csr> {
         None
     }
-    /// Refines u from here on as far as f64 goes, and makes r from it, where K is badly conditioned and that has not been done; false
-    /// where nothing is to be gained.
+    /// Refines u from here on as far as f64 allows, and computes r from it, if K is badly conditioned and u is not refined yet;
+    /// false if there is nothing to gain.
     fn refine(&mut self) -> bool {
         false
     }
-    /// What it has cost so far, where K⁻¹ is applied by iterations.
+    /// The costs so far, where K⁻¹ is applied by iterations.
     fn costs(&self) -> Option<Costs> {
         None
     }
 }
 
-/// b = −r at λ = 0, of an operator whose u follows λ.
+/// b = −r at λ = 0, for an operator whose u follows λ.
 pub(crate) fn followed_right_hand_side(
     dual: &mut impl DualOperator,
     load: &LoadCase,
@@ -241,11 +241,11 @@ pub(crate) fn conditions<const D: usize, K>(
 
 /// Estimates of the largest eigenvalue of A, not below the true one beyond its margin, and of the mean of its diagonal.
 ///
-/// Lanczos with full reorthogonalisation; the Ritz value is taken when it has settled to 0.1 %, and
-/// raised by 2 % since it approaches σ_max from below. The products need no more accuracy than that.
+/// Lanczos with full reorthogonalisation; the Ritz value is accepted when it has settled to 0.1 %, and raised by 2 %
+/// because it approaches σ_max from below. The products need no higher accuracy.
 ///
-/// Where bodies can move as a whole, A is meant on the directions that leave them in balance; `project` takes
-/// a vector there.
+/// Where bodies can move as a whole, the estimates are those of A on the directions that leave them in balance;
+/// `project` takes a vector there.
 pub(crate) fn spectrum(
     dual: &mut impl DualOperator,
     len: usize,
@@ -298,12 +298,11 @@ pub(crate) fn spectrum(
     })
 }
 
-/// The mean of the diagonal of a matrix with `len` rows, from what Lanczos leaves behind that has started from a vector
-/// without any pattern.
+/// The mean of the diagonal of a matrix with `len` rows, from Lanczos started at a vector without any pattern.
 ///
-/// Such a vector has about the same share of every eigenvector, and its Rayleigh quotient is the mean but for chance: a few
-/// eigenvalues that dwarf all others are most of the sum, and their shares are chance. Where Lanczos has found them,
-/// they count as what they are, and the vector stands for the rest.
+/// Such a vector has about the same share of every eigenvector, so its Rayleigh quotient is the mean up to chance. A few
+/// eigenvalues that dwarf all others make up most of the sum, and their shares vary by chance. Where Lanczos has found
+/// them, they count exactly, and the vector represents the rest.
 fn mean_of_diagonal(alpha: &[f64], beta: &[f64], len: usize) -> f64 {
     const LARGE: f64 = 0.1;
     let k = alpha.len();
@@ -333,7 +332,7 @@ fn mean_of_diagonal(alpha: &[f64], beta: &[f64], len: usize) -> f64 {
     (large + (len - count) as f64 * rest / share) / len as f64
 }
 
-/// What is known of the eigenvalues of A.
+/// Known data on the eigenvalues of A.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spectrum {
     /// σ_max, or a little more.
@@ -365,7 +364,7 @@ mod tests {
     use crate::lattice::lattice;
     use crate::problem::{ContactData, ContactProblem};
 
-    /// A lattice whose base (z = 0) meets a plane below, away from where it is held.
+    /// A lattice whose base (z = 0) meets a plane below, away from its supports.
     fn in_space() -> ContactProblem<3> {
         let (stiffness, points) = lattice([9, 8, 7]);
         let base: Vec<usize> = (0..points.len())
@@ -388,7 +387,7 @@ mod tests {
         .unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// The factor and PCG make the same products in space, alone and as an engine without any dimension.
+    /// The factor and PCG make the same products in space, both alone and in an engine that knows no dimension.
     #[test]
     fn products_in_space() {
         let problem = in_space();

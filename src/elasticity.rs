@@ -1,10 +1,10 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
-//! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration but for
-//! the dilatation of nearly incompressible ones (`dilatation.rs`), of first order with incompatible modes where a material asks
-//! for them (`modes.rs`). Forces in the plane are per body of the given thickness,
-//! those of bodies of revolution for the whole ring;
-//! coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the documentation).
+//! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration, except
+//! for the dilatation of nearly incompressible ones (`dilatation.rs`). Those of first order have incompatible modes where the
+//! material has them (`modes.rs`). Forces in the plane are per body of the given thickness, those of bodies of revolution for
+//! the whole ring; coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the
+//! documentation).
 
 mod assembly;
 mod bedding;
@@ -47,16 +47,16 @@ pub struct Material {
     pub density: f64,
     /// Coefficient of thermal expansion α in 1/K.
     pub expansion: f64,
-    /// Whether elements of it are those for nearly incompressible bodies.
+    /// Whether its elements are those for nearly incompressible bodies.
     pub incompressible: Incompressible,
     /// Whether quadrilaterals and hexahedra of first order of it have incompatible modes, with which they bend as they should; their
     /// dilatation is not projected then.
     pub incompatible_modes: bool,
-    /// What is elastic about large displacements; where they are small both laws are the same.
+    /// The elastic law for large displacements; for small ones both laws are the same.
     pub law: Hyperelastic,
 }
 
-/// The law of a material whose displacements are large.
+/// The law of a material with large displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hyperelastic {
@@ -65,7 +65,7 @@ pub enum Hyperelastic {
     #[default]
     #[serde(rename = "st-venant-kirchhoff")]
     StVenantKirchhoff,
-    /// A compressible material of neo-Hooke's kind, which resists being pressed flat.
+    /// A compressible neo-Hookean material, which resists being pressed flat.
     NeoHooke,
 }
 
@@ -85,7 +85,7 @@ pub enum Incompressible {
 /// Poisson's ratio from which [`Incompressible::Auto`] projects: there the bulk modulus is nearly ten times the shear modulus.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.45;
 
-/// The state of the plane: what happens perpendicular to it.
+/// The state of the plane: the behaviour perpendicular to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Plane {
@@ -94,13 +94,13 @@ pub enum Plane {
     PlaneStrain,
     /// No stress perpendicular to the plane: a thin sheet.
     PlaneStress,
-    /// A body of revolution about x = 0 that moves in planes through this axis alone: x is the radius, y the place along the
-    /// axis, and what is perpendicular to the plane (z) goes round. The strain there is u_x/x.
+    /// A body of revolution about x = 0 that moves only in planes through this axis: x is the radius, y the position along
+    /// the axis, and the direction perpendicular to the plane (z) is circumferential, with the strain u_x/x.
     Axisymmetric,
 }
 
 impl Plane {
-    /// 1/x where the motion along x stretches what goes round; 0 where nothing does.
+    /// 1/x where a motion along x causes a hoop strain; 0 otherwise.
     fn hoop<const D: usize>(self, place: [f64; D]) -> f64 {
         match self {
             Self::Axisymmetric => place[0].recip(),
@@ -126,7 +126,7 @@ impl Plane {
     }
 }
 
-/// How far bodies reach perpendicular to the plane.
+/// The extent of bodies perpendicular to the plane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Depth {
     /// Everywhere as far; 1 in space.
@@ -181,7 +181,7 @@ impl Material {
         (directions * lambda + 2.0 * mu) * self.expansion
     }
 
-    /// What elements of it need, of this thickness.
+    /// The moduli for elements of this thickness.
     fn moduli(&self, plane: Plane, thickness: f64) -> Moduli {
         Moduli {
             law: Law::new(self, plane, thickness),
@@ -190,7 +190,7 @@ impl Material {
         }
     }
 
-    /// Whether elements of it have their dilatation projected, if they can.
+    /// Whether its elements have their dilatation projected, if they can.
     pub fn is_projected(&self, plane: Plane) -> bool {
         plane != Plane::PlaneStress
             && match self.incompressible {
@@ -201,7 +201,7 @@ impl Material {
     }
 }
 
-/// How much warmer bodies are than when they were free of stress, in K, as a function of the region and the place.
+/// The temperature of bodies above their stress-free state, in K, as a function of the region and the place.
 pub type Temperature<'a, const D: usize = 2> = &'a (dyn Fn(u32, [f64; D]) -> f64 + Sync);
 
 /// A scalar as a function of the place, e.g. one component of a traction.
@@ -223,7 +223,7 @@ where
     pub thickness: f64,
 }
 
-/// What elements need of a material.
+/// The material data that elements need.
 #[derive(Clone, Copy)]
 struct Moduli {
     /// Times the thickness.
@@ -238,7 +238,7 @@ impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// How far it reaches perpendicular to the plane.
+    /// The extent perpendicular to the plane.
     pub(crate) fn depth(&self) -> Depth {
         match self.plane {
             Plane::Axisymmetric => Depth::Ring,

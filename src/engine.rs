@@ -1,5 +1,4 @@
-//! Which arithmetic solves a problem: the choice between CPU and GPU, Cholesky and PCG, and the way back
-//! to the CPU where a GPU fails.
+//! The choice between CPU and GPU, Cholesky and PCG for a problem, and the way back to the CPU if a GPU fails.
 
 use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
@@ -15,7 +14,7 @@ use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
 
-/// Where to compute.
+/// The device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// On a real GPU where that gains time, on the CPU otherwise, and on the CPU if the GPU fails.
@@ -23,11 +22,11 @@ pub enum Device {
     Auto,
     /// On the CPU.
     Cpu,
-    /// On a GPU or, if there is no other, on a software adapter.
+    /// On a GPU or, without one, on a software adapter.
     Gpu,
 }
 
-/// How to apply K⁻¹.
+/// The way to apply K⁻¹.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stiffness {
     /// The sparse factor where it is predicted to fit into half of the memory and not to take much longer
@@ -40,16 +39,16 @@ pub enum Stiffness {
     Pcg,
 }
 
-/// What to ask of an [`Engine`].
+/// Options for an [`Engine`].
 #[derive(Clone, Debug, Default)]
 pub struct EngineOptions {
-    /// Where to compute.
+    /// The device.
     pub place: Device,
-    /// How to apply K⁻¹.
+    /// The way to apply K⁻¹.
     pub stiffness: Stiffness,
     /// Inside PCG.
     pub preconditioner: Preconditioner,
-    /// Adapter and precision, where a GPU is used.
+    /// Adapter and precision, if a GPU is used.
     pub gpu: GpuOptions,
 }
 
@@ -60,7 +59,7 @@ pub enum EngineError {
     /// A factor was asked for on a GPU.
     #[error("the sparse Cholesky factor runs on the CPU only")]
     NoCholeskyOnGpu,
-    /// A GPU was asked for where there is no support for it.
+    /// A GPU was requested where there is no support for it.
     #[error("this program was built without support for GPUs (the feature \"gpu\" of the crate)")]
     NoGpuSupport,
     /// No GPU could be used.
@@ -75,7 +74,7 @@ pub enum EngineError {
     Pcg(#[from] PcgError),
 }
 
-/// Unknowns from which a GPU is worth its launches in `Auto`.
+/// From this number of unknowns on, a GPU is worth its launches in `Auto`.
 const WORTH_A_GPU: usize = 50_000;
 
 /// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
@@ -94,7 +93,7 @@ const LONG_ROW_IN_SPACE: f64 = 27.0;
 /// The factor is taken up to this multiple of the time that PCG is predicted to take: its own time is certain, while that of PCG
 /// grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
-/// Predictions below this many seconds are not worth a word.
+/// Predictions below this many seconds are not logged.
 const WORTH_A_WORD: f64 = 1.0;
 
 enum Path {
@@ -114,7 +113,7 @@ impl Path {
         }
     }
 
-    /// What there is to be said of PCG: the levels of multigrid, and why there is none where it was asked for.
+    /// Remarks on PCG: the levels of multigrid, and why multigrid is missing although requested.
     fn levels(&self) -> [Option<&str>; 2] {
         match self {
             Self::Cholesky(_) => [None; 2],
@@ -125,12 +124,12 @@ impl Path {
     }
 }
 
-/// How often an [`Engine`] has made what is of K.
+/// How often an [`Engine`] has set up the data that depends on K.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SetUps {
     /// From nothing: an order of elimination with its symbolic factor, or a hierarchy with its aggregates.
     pub made: usize,
-    /// The values alone, on what had been made.
+    /// The values alone, in existing structures.
     pub renewed: usize,
 }
 
@@ -138,12 +137,12 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 
 /// A dual operator by the means chosen.
 ///
-/// With [`Device::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the product under
-/// way is made again and nothing else is lost.
+/// With [`Device::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the current product is made again
+/// and nothing else is lost.
 ///
-/// It owns what it needs, and may be kept, moved to another thread and used again: for all problems that differ from the one it
-/// was made for by load, gap, origin of slip, slip bounds and coefficients of friction alone, there is one factor, or one
-/// hierarchy, and products made for one are known to the next.
+/// It owns its data, and may be kept, moved to another thread and used again. All problems that differ only by load, gap,
+/// origin of slip, slip bounds and coefficients of friction share one factor or one hierarchy, and each solve knows the
+/// products of earlier ones.
 ///
 /// # Example
 /// A block pressed on a plane and pushed along it, with 20 coefficients of friction:
@@ -181,21 +180,21 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Engine {
-    /// [`again`] for the problem, whose dimension is no matter of the engine's.
+    /// [`again`] for the problem, hiding its dimension from the engine.
     again: Box<Again>,
-    /// Where K and B of the problem are, which it keeps: by these its problems are known. None after an update that failed.
+    /// The addresses of K and B of the problem, which it keeps: they identify its problems. None after an update that
+    /// failed.
     matrices: Option<[usize; 2]>,
     set_ups: SetUps,
     path: Path,
     options: EngineOptions,
     log: Box<dyn FnMut(&str) + Send>,
-    /// What solves on it have found out.
+    /// The pairs that earlier solves found.
     pub(crate) recycled: RecycledSubspace,
 }
 
 impl Engine {
-    /// Chooses and sets up; `log` hears, in one line each, what was chosen and why, and of each way back to
-    /// the CPU.
+    /// Chooses and sets up; `log` receives one line on each choice with its reason, and on each fallback to the CPU.
     pub fn new<const D: usize>(
         problem: &ContactProblem<D>,
         options: EngineOptions,
@@ -226,23 +225,22 @@ impl Engine {
         }
     }
 
-    /// Whether it was made for a problem with the same K, N and T: for this one, or one that this one, or both, were made
-    /// from by [`ContactProblem::with_data`] and its like.
+    /// Whether it was made for a problem with the same K, N and T: for this one, or for one related to it by
+    /// [`ContactProblem::with_data`] and its like.
     pub fn fits<const D: usize>(&self, problem: &ContactProblem<D>) -> bool {
         self.matrices == Some(addresses(problem))
     }
 
-    /// Goes on with another problem, with all that can be kept of what was made for the one before: where K has the same pattern,
-    /// the order of elimination and the symbolic factor, or the structure of the hierarchy; where K is the same and N, T and d
-    /// have changed, all of it, as long as B touches no other unknowns. Where nothing of it fits, everything is made anew; what
-    /// happened, [`Engine::set_ups`] tells. What solves have found out about the problem before is forgotten, unless K, N and T
-    /// are the same.
+    /// Switches to another problem and keeps as much as possible. If K has the same pattern, that is the order of elimination and
+    /// the symbolic factor, or the structure of the hierarchy. If K is the same and N, T and d have changed, it is everything, as
+    /// long as B touches no other unknowns. Otherwise everything is set up again; [`Engine::set_ups`] counts this. Pairs of
+    /// earlier solves are dropped, unless K, N and T are the same.
     ///
     /// # Errors
-    /// Those of [`Engine::new`]. It fits no problem then, until an update succeeds.
+    /// Those of [`Engine::new`]. The engine then fits no problem until an update succeeds.
     ///
     /// # Example
-    /// Ten values of Young's modulus, and then another place of the floor, all with one order of elimination:
+    /// Ten values of Young's modulus, and then another position of the floor, all with one order of elimination:
     ///
     /// ```
     /// use signorini::contact::Obstacle;
@@ -292,7 +290,7 @@ impl Engine {
         if self.fits(problem) {
             return Ok(());
         }
-        // As long as this is under way, and after an error.
+        // During an update, and after an error.
         let before = self.matrices.take();
         self.recycled = RecycledSubspace::default();
         let kept = problem.clone();
@@ -316,7 +314,7 @@ impl Engine {
         Ok(())
     }
 
-    /// How often what is of K was made.
+    /// How often the data that depends on K was set up.
     pub fn set_ups(&self) -> SetUps {
         self.set_ups
     }
@@ -347,7 +345,7 @@ impl Engine {
         }
     }
 
-    /// What the kernels compute in.
+    /// The precision of the kernels.
     pub fn precision(&self) -> Precision {
         match &self.path {
             #[cfg(feature = "gpu")]
@@ -393,7 +391,7 @@ impl Engine {
         }
     }
 
-    /// Where to go on after an error: without the GPU that is lost as if there had never been one, with the factor
+    /// The path to continue on after an error: without the lost GPU, as if there had never been one, or with the factor
     /// where PCG fails.
     ///
     /// # Errors
@@ -413,9 +411,9 @@ impl Engine {
         if !open {
             return Err(error.into());
         }
-        (self.log)(&format!("{error}; going on with the CPU"));
+        (self.log)(&format!("{error}; continuing on the CPU"));
         (self.again)(lost, &self.options, &mut self.log).map_err(|other| {
-            // What has failed first is of more use than a second complaint.
+            // The first failure is of more use than a second complaint.
             (self.log)(&format!("{other}"));
             match other {
                 EngineError::Factor(
@@ -428,7 +426,7 @@ impl Engine {
     }
 }
 
-/// What the options and the problem suggest.
+/// The choice that options and problem suggest.
 fn chosen<const D: usize>(
     problem: &ContactProblem<D>,
     options: &EngineOptions,
@@ -462,9 +460,7 @@ fn chosen<const D: usize>(
             "{reason}: using block-Jacobi instead of multigrid"
         ));
     } else if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
-        log(
-            "no coordinates are given: multigrid has no rotations to work with and needs more iterations",
-        );
+        log("without coordinates multigrid does not know the rotations, and needs more iterations");
     }
     Ok(path)
 }
@@ -472,12 +468,12 @@ fn chosen<const D: usize>(
 /// Bytes that the Cholesky factor of a problem will take, as [`Stiffness::Auto`] predicts them.
 ///
 /// # Errors
-/// If its pattern alone does not fit.
+/// If even its pattern does not fit.
 pub fn factor_bytes<const D: usize>(problem: &ContactProblem<D>) -> Result<usize, FactorError> {
     plan(problem).map(|plan| plan.bytes())
 }
 
-/// Where K and B of a problem are.
+/// The addresses of K and B of a problem.
 fn addresses<const D: usize>(problem: &ContactProblem<D>) -> [usize; 2] {
     [
         Arc::as_ptr(problem.stiffness()).addr(),
@@ -485,7 +481,7 @@ fn addresses<const D: usize>(problem: &ContactProblem<D>) -> [usize; 2] {
     ]
 }
 
-/// Another path for a problem: without the GPU that is lost, or with the factor where PCG fails.
+/// Another path for a problem: without the lost GPU, or with the factor where PCG fails.
 fn again<const D: usize>(
     problem: &ContactProblem<D>,
     lost: bool,
@@ -616,7 +612,7 @@ fn on_best<const D: usize>(
             log(&format!("{error}; computing on the CPU"));
             on_cpu(problem, options)
         }
-        // Nobody has asked for a GPU.
+        // A GPU was not requested.
         Err(EngineError::NoGpuSupport) => on_cpu(problem, options),
         outcome => outcome,
     }
@@ -754,7 +750,7 @@ mod tests {
         };
         let plan = plan(&problem).expect("K is definite");
         let needed = plan.bytes();
-        // What is predicted is what it takes, more or less.
+        // The prediction is roughly the actual size.
         let dual = DirectDual::with_plan(&problem, plan).expect("K is definite");
         assert!((1.0..2.0).contains(&(needed as f64 / (8 * dual.factor().entries()) as f64)));
 

@@ -5,11 +5,11 @@ use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How many files are being read.
+/// The number of files being read.
 static OPEN: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a thread of this program waits for a case, a mesh or a matrix, which may be a pipe that nobody fills: nothing
-/// that it is waited for will be done before.
+/// Whether a thread of this program waits for a case, a mesh or a matrix. That may be a pipe that nobody fills, so
+/// nothing else can be done before.
 pub fn is_reading() -> bool {
     OPEN.load(Ordering::SeqCst) > 0
 }
@@ -30,8 +30,8 @@ impl Drop for Reading {
     }
 }
 
-/// The most bytes of a mesh or a matrix that are read: a quarter of the memory. What is made of a file, K and its factor
-/// above all, takes more than three times its size, so that a larger one could not be solved either.
+/// The most bytes of a mesh or a matrix file: a quarter of the memory. K and its factor take more than three times the
+/// size of the file, so a larger one could not be solved either.
 pub(crate) fn data_limit() -> usize {
     crate::memory::total_bytes().map_or(usize::MAX, |bytes| bytes / 4)
 }
@@ -39,7 +39,7 @@ pub(crate) fn data_limit() -> usize {
 /// All bytes of a file or a pipe that has no more than `limit` of them.
 ///
 /// # Errors
-/// Those of the system; or if there is more, or `path` is a device, which may have no end.
+/// Those of the system; or if the file is larger, or `path` is a device, which may have no end.
 pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
     // A pipe makes its reader wait as soon as it is opened.
     let _reading = Reading::begin();
@@ -55,9 +55,7 @@ pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
         let mib = limit.div_ceil(1 << 20);
         Error::new(
             ErrorKind::FileTooLarge,
-            format!(
-                "it has more than {mib} MiB, the most that is read here: is this the right file?"
-            ),
+            format!("it is larger than the limit of {mib} MiB: is this the right file?"),
         )
     };
     let length = usize::try_from(there.len()).unwrap_or(usize::MAX);
@@ -65,7 +63,7 @@ pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
-    // Of a pipe the system knows no length.
+    // The system does not know the length of a pipe.
     bytes.try_reserve_exact(length)?;
     file.take((limit as u64).saturating_add(1))
         .read_to_end(&mut bytes)?;
@@ -124,7 +122,7 @@ mod tests {
         assert!(
             failure
                 .as_ref()
-                .is_err_and(|text| text.contains("more than 1 MiB")),
+                .is_err_and(|text| text.contains("larger than the limit of 1 MiB")),
             "{failure:?}"
         );
         assert!(writer.join().is_ok_and(|ended| ended.is_err()));

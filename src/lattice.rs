@@ -1,4 +1,4 @@
-//! A body in space made of springs: data for tests of what knows no elements.
+//! A body in space made of springs: data for tests of code that knows no elements.
 
 use crate::sparse::BlockCsr;
 

@@ -2,8 +2,8 @@
 //!
 //! # The problem
 //!
-//! A finite element discretisation of elastic bodies in contact with Tresca friction leads to: find the
-//! displacement u ∈ ℝⁿ and the multipliers λν, λτ ∈ ℝᵐ (nodal contact forces) with
+//! A finite element discretisation of elastic bodies in contact with Tresca friction leads to: find the displacement u ∈ ℝⁿ
+//! and the multipliers λν, λτ ∈ ℝᵐ (nodal contact forces) with
 //!
 //! ```text
 //! (1)  K u + Nᵀλν + Tᵀλτ = f                                  equilibrium
@@ -14,18 +14,16 @@
 //!
 //! In space λτ has two components for each contact node, and |λτ,i| is their Euclidean length.
 //!
-//! K is the stiffness matrix, the rows of N and T measure the displacement of a contact node towards the
-//! obstacle and along the boundary, d is the initial gap and g the slip bound. Eliminating u leaves the
-//! minimisation of a quadratic function over simple bounds (in space also discs) in the multipliers alone, which the
-//! inexact semi-smooth Newton method of Kučera, Motyčková and Markopoulos solves in few products with
-//! A = B K⁻¹ Bᵀ, B = (N; T).
+//! K is the stiffness matrix, the rows of N and T measure the displacement of a contact node towards the obstacle and along
+//! the boundary, d is the initial gap and g the slip bound. Eliminating u leaves the minimisation of a quadratic function
+//! over simple bounds (in space also discs) in the multipliers alone, which the inexact semi-smooth Newton method of Kučera,
+//! Motyčková and Markopoulos solves in few products with A = B K⁻¹ Bᵀ, B = (N; T).
 //!
 //! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
 //! ([`problem::FloatingBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
 //!
 //! Under Coulomb's law g = μ λν is part of the solution, and of the Newton steps
-//! ([`problem::ContactProblem::with_friction_coefficient`]). Load steps are several such problems in a row:
-//! [`quasistatic`].
+//! ([`problem::ContactProblem::with_friction_coefficient`]). Load steps are several such problems in a row: [`quasistatic`].
 //!
 //! # The way the data flows
 //!
@@ -36,9 +34,9 @@
 //!                                                 └─ quasistatic: load steps          └─ backend: Cpu | Gpu
 //! ```
 //!
-//! Each stage can be entered from outside: [`problem::ContactProblem`] is the door for matrices of your
-//! own, [`model::Model`] that for a mesh made in code, [`case::Case`] that for a case file. [`engine::Engine`]
-//! chooses between the ways to apply K⁻¹; [`dual::DirectDual`] is the plain one.
+//! Each stage can be entered from outside: [`problem::ContactProblem`] is the entry for matrices of your own,
+//! [`model::Model`] for a mesh made in code, [`case::Case`] for a case file. [`engine::Engine`] chooses between the ways to
+//! apply K⁻¹; [`dual::DirectDual`] is the simplest.
 //!
 //! # A problem from matrices
 //!
@@ -76,11 +74,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`problem::ContactProblem::solve`] does all of it in one call, on what suits the problem.
+//! [`problem::ContactProblem::solve`] does all of it in one call, on the path that suits the problem.
 //!
 //! # Two bodies from meshes made in code
 //!
-//! A block let down on another one, meshes not matching, with Coulomb friction:
+//! A block lowered onto another one, with non-matching meshes and Coulomb friction:
 //!
 //! ```
 //! use signorini::elasticity::Material;
@@ -99,7 +97,7 @@
 //!     .contact(Pair::new("up-bottom", "low-top").coulomb(0.3))
 //!     .build()?;
 //!
-//! // One load step, on what suits the problem.
+//! // One load step, on the path that suits the problem.
 //! let solution = built.solve(&Default::default())?.remove(0);
 //! assert_eq!(solution.status, Status::Converged);
 //!
@@ -132,10 +130,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Load steps, watched
+//! # Load steps with an observer
 //!
-//! [`model::Analysis::solve_on`] makes the load steps of a model, calls an observer for each, and stops when that asks it to;
-//! [`output::Results`] writes what `signorini solve` writes.
+//! [`model::Analysis::solve_on`] makes the load steps of a model, calls an observer for each, and stops at the observer's
+//! request; [`output::Results`] writes what `signorini solve` writes.
 
 #![warn(missing_docs)]
 // docs.rs shows which feature an item needs.
@@ -146,13 +144,13 @@
 extern crate self as signorini;
 
 pub mod backend;
-// For the program and the tests only: no part of the library that anybody may rely on.
+// For the program and the tests only: not a part of the public library.
 #[cfg(all(feature = "cli", feature = "gpu"))]
 #[doc(hidden)]
 pub mod bench;
 #[cfg(feature = "case")]
 pub mod case;
-// The program, which no other room knows: here so that the executable and the wheel (python/) have one between them.
+// The program, which no other room uses: here so that the executable and the wheel (python/) share it.
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;

@@ -7,16 +7,16 @@ fn main() -> std::process::ExitCode {
     signorini::cli::run(env::args_os()).into()
 }
 
-/// Leaves out Mesa's layer that orders Vulkan devices, where all that it would do is to write errors: it asks Wayland for the device of the
+/// Disables Mesa's layer that orders Vulkan devices, where it would only write errors: it asks Wayland for the device of the
 /// screen, and without a directory for that (over ssh, in containers and batch jobs) libwayland writes `error: XDG_RUNTIME_DIR is
-/// invalid or not set` into each run that looks for a GPU. `NODEVICE_SELECT` is the layer's own switch. Whoever selects a device by the layer
-/// keeps it.
+/// invalid or not set` into each run that looks for a GPU. `NODEVICE_SELECT` is the layer's own switch. It stays on for users who
+/// select a device with it.
 fn without_device_selection() {
     let is_there = env::var_os("XDG_RUNTIME_DIR")
         .is_some_and(|path| path.as_encoded_bytes().starts_with(b"/"));
     let is_used = ["MESA_VK_DEVICE_SELECT", "NODEVICE_SELECT"].map(env::var_os);
     if !is_there && is_used.iter().all(Option::is_none) {
-        // SAFETY: there is no other thread yet that could read the environment.
+        // SAFETY: no other thread exists yet that could read the environment.
         unsafe { env::set_var("NODEVICE_SELECT", "1") };
     }
 }

@@ -9,7 +9,7 @@ use parse::Entry;
 use std::path::{Path, PathBuf};
 pub use write::{write_columns, write_matrix};
 
-/// Why a file could not be read, or holds something else than what was asked of it.
+/// A file could not be read, or holds other data than requested.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MatrixMarketError {
@@ -21,22 +21,22 @@ pub enum MatrixMarketError {
         /// The system's message.
         source: std::io::Error,
     },
-    /// A line is not what it should be.
+    /// A line is invalid.
     #[error("{}, line {line}: {message}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
         /// The line, counted from 1.
         line: usize,
-        /// What is wrong there.
+        /// The fault.
         message: String,
     },
-    /// The matrix has a shape that does not fit what it is meant to be.
+    /// The matrix has a shape that does not fit its purpose.
     #[error("{}: {message}", path.display())]
     Shape {
         /// The file.
         path: PathBuf,
-        /// What was expected, and what was found.
+        /// The expected and the actual shape.
         message: String,
     },
 }
@@ -128,7 +128,7 @@ impl Matrix {
     /// take memory.
     pub fn into_stiffness<const D: usize>(self) -> Result<BlockCsr<D>, MatrixMarketError> {
         let count: usize = self.stored.iter().map(Vec::len).sum();
-        // That it has to be square is for others to say.
+        // Callers check that it is square.
         if self.rows == self.cols && count < self.rows {
             return Err(MatrixMarketError::Shape {
                 message: format!(
@@ -146,8 +146,8 @@ impl Matrix {
 
 /// Reads a file, on all threads.
 ///
-/// The order of the entries is that of the file, whatever the number of threads. Memory is taken for what the file
-/// holds, not for what its header announces.
+/// The entries keep the order of the file, whatever the number of threads. Memory is allocated for the contents of the
+/// file, not for the sizes in its header.
 pub fn read(path: &Path) -> Result<Matrix, MatrixMarketError> {
     let text = input::whole(path, input::data_limit()).map_err(|source| MatrixMarketError::Io {
         path: path.to_owned(),
@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(k.row(0).1, [[[1.0, -2.0], [-2.0, 5.0]]]);
     }
 
-    /// What a user waits for before the solver starts, at n = 204 360.
+    /// The time before the solver starts, at n = 204 360.
     #[test]
     #[ignore = "prints times"]
     fn times_of_a_large_matrix() {
@@ -227,7 +227,7 @@ mod tests {
                 .into_stiffness()
                 .unwrap_or_else(|error| panic!("{error}"));
             lap("blocks");
-            // The same but for blocks that hold nothing.
+            // The same except for blocks that hold nothing.
             assert_eq!(stiffness.diagonal(), k.diagonal());
             lap("(check)");
             let again = ContactProblem::new(ContactData {

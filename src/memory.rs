@@ -1,4 +1,4 @@
-//! What memory there is.
+//! The memory of this machine.
 
 /// The memory of this machine in bytes, or of the container it runs in; None if unknown.
 pub(crate) fn total_bytes() -> Option<usize> {

@@ -1,8 +1,8 @@
 //! Meshes with named regions and boundaries.
 //!
-//! [`Mesh`] is that of the plane, with triangles and quadrilaterals, `Mesh<3>` that of space, with tetrahedra,
-//! hexahedra, wedges and pyramids, of first and of second order. Everything is written for both dimensions; what they differ
-//! in is in `mesh/plane.rs` and `mesh/solid.rs`, and `mesh/shape` has the shape functions of each kind.
+//! [`Mesh`] is a mesh of the plane, with triangles and quadrilaterals, `Mesh<3>` one of space, with tetrahedra, hexahedra,
+//! wedges and pyramids, of first and of second order. Everything is written for both dimensions; their differences are in
+//! `mesh/plane.rs` and `mesh/solid.rs`, and `mesh/shape` has the shape functions of each kind.
 
 pub(crate) mod abaqus;
 mod boundary;
@@ -53,23 +53,23 @@ where
     pub elements: Vec<Element<D>>,
     /// Names of the regions that [`Element::region`] counts: each element is in one.
     pub regions: Vec<String>,
-    /// The regions that a name stands for: every region under its own name, and groups of them that may overlap.
+    /// The regions behind each name: every region under its own name, and groups of them that may overlap.
     pub groups: BTreeMap<String, Vec<u32>>,
     /// Named boundaries: in the plane edges (from, to) with the body on the left, so that the outward normal points
-    /// right; in space faces whose corners go round counter-clockwise as seen from outside. Those that
-    /// [`Self::faults`] names also hold facets between elements, which have no outward normal:
-    /// [`Mesh::outer_facets`] and [`Mesh::facets`] mind that.
+    /// right; in space faces with corners counter-clockwise as seen from outside. Those listed in [`Self::faults`] also
+    /// hold facets between elements, which have no outward normal: [`Mesh::outer_facets`] and [`Mesh::facets`] check
+    /// for them.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// Named sets of nodes, each sorted and without repeats, whether or not they make up facets: node sets of an Abaqus input
     /// file, physical points of a Gmsh file.
     pub node_sets: BTreeMap<String, Vec<u32>>,
-    /// What is wrong with the boundaries that are not on the outside of the body altogether.
+    /// The faults of boundaries that are not entirely on the outside of the body.
     pub faults: BTreeMap<String, FacetFault<D>>,
-    /// What the file that it comes from says and is not done, and what of its parts did not count.
+    /// Entries of its file that have no effect, and parts that were not counted.
     pub notes: Vec<String>,
 }
 
-/// What a [`Mesh`] is made of: see its fields.
+/// The parts of a [`Mesh`]: see its fields.
 #[derive(Clone, Debug)]
 pub struct MeshParts<const D: usize = 2>
 where
@@ -77,46 +77,46 @@ where
 {
     /// Coordinates; nodes that no element uses are left out of the mesh.
     pub nodes: Vec<[f64; D]>,
-    /// Elements; copies of one on the same nodes count once, in the groups of all of them.
+    /// Elements; copies of an element on the same nodes count once, in the groups of all of them.
     pub elements: Vec<Element<D>>,
     /// Names of the regions.
     pub regions: Vec<String>,
-    /// Groups of regions, every region under its own name among them; where there are none, each region is one of its own.
+    /// Groups of regions, including every region under its own name; if empty, each region is its own group.
     pub groups: BTreeMap<String, Vec<u32>>,
     /// Boundaries, their facets named from either side.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// Sets of nodes.
     pub node_sets: BTreeMap<String, Vec<u32>>,
-    /// What is to be said of it.
+    /// Remarks on it.
     pub notes: Vec<String>,
 }
 
 /// A mesh of either dimension: which one may show only when a file is read.
 #[derive(Clone, Debug)]
 pub enum AnyMesh {
-    /// One of the plane.
+    /// A plane mesh.
     Plane(Mesh),
-    /// One of space.
+    /// A mesh of space.
     Space(Mesh<3>),
 }
 
 /// The worst that the facets of a boundary have, and the first facet that has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FacetFault<const D: usize = 2> {
-    /// What it is.
+    /// Its kind.
     pub kind: FaultKind,
     /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face.
     pub ends: [[f64; D]; 2],
 }
 
-/// Why a facet is no outer facet of the body.
+/// The reason why a facet is not an outer facet of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FaultKind {
     /// There are elements on both sides: an interface.
     Inside,
     /// No element has it: a construction line or surface. It is not in [`Mesh::boundaries`].
     Stray,
-    /// There is none: a set of nodes that has all corners of no outer facet.
+    /// A set of nodes that contains all corners of no outer facet.
     NoFacet,
 }
 
@@ -148,7 +148,7 @@ impl<const D: usize> fmt::Display for FacetFault<D> {
     }
 }
 
-/// Where something is wrong, in any dimension: for messages.
+/// The location of a fault, in any dimension, for messages.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Location(
     /// The coordinates.
@@ -168,7 +168,7 @@ impl fmt::Display for Location {
     }
 }
 
-/// Why a mesh has no such boundary for what it is wanted for.
+/// A mesh does not have the boundary that is needed.
 #[derive(Debug, thiserror::Error)]
 pub enum BoundaryError {
     /// No boundary has the name.
@@ -179,14 +179,14 @@ pub enum BoundaryError {
     Faulty {
         /// The boundary.
         name: String,
-        /// What the worst of its facets is.
+        /// The worst kind of fault among its facets.
         kind: FaultKind,
-        /// Which one that is, and what to do about it.
+        /// The facet at fault, and the remedy.
         fault: String,
     },
 }
 
-/// What is wrong with a mesh.
+/// A fault of a mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     /// There is nothing to compute.
@@ -199,7 +199,7 @@ pub enum MeshError {
         element: usize,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
     /// A coordinate is infinite or NaN.
@@ -216,9 +216,10 @@ pub enum MeshError {
         /// Its first node.
         place: Location,
     },
-    /// The nodes in the middle of the sides of an element of second order lie where its map folds.
+    /// The map of an element of second order folds because of the positions of its midside nodes.
     #[error(
-        "element {element} near {place} folds over itself, as nodes in the middle of its sides lie too far from there: {}",
+        "element {element} near {place} folds over itself, because nodes in the middle of its sides are too far from \
+         there: {}",
         if *other_order {
             "they are probably listed in the order of another program (Gmsh and VTK differ)"
         } else {
@@ -235,8 +236,8 @@ pub enum MeshError {
     },
     /// An edge has a node in its middle in one element, and none in another.
     #[error(
-        "element {quadratic} has a node in the middle of the edge near {place}, and its neighbour {linear} has none there: mesh \
-         a body with elements of one order, or leave these nodes out (order = 1)"
+        "element {quadratic} has a midside node on the edge near {place}, but its neighbour {linear} has none there: \
+         mesh a body with elements of one order, or leave midside nodes out (order = 1)"
     )]
     Hanging {
         /// The element without it.
@@ -246,10 +247,10 @@ pub enum MeshError {
         /// The middle of the edge.
         place: Location,
     },
-    /// Two neighbours have a node each in the middle of what they share.
+    /// Two neighbours each have a separate node in the middle of their common edge or face.
     #[error(
-        "elements {} and {} share the edge or face near {place}, but not the node in its middle: merge nodes that lie in one \
-         place in the mesher, or leave these nodes out (order = 1)",
+        "elements {} and {} share the edge or face near {place}, but not the node in its middle: merge coincident \
+         nodes in the mesher, or leave midside nodes out (order = 1)",
         elements[0], elements[1]
     )]
     TwoMiddles {
@@ -258,7 +259,7 @@ pub enum MeshError {
         /// The middle of the edge or face.
         place: Location,
     },
-    /// Two elements have a facet in common and lie on the same side of it.
+    /// Two elements share a facet and are on the same side of it.
     #[error(
         "elements {} and {} overlap: both lie on the same side of the {} near {place} that they share. Delete one of them in the \
          mesher, or the copy of the body that it belongs to",
@@ -270,10 +271,10 @@ pub enum MeshError {
         /// The middle of the edge or face.
         place: Location,
     },
-    /// There is no element of second order to make of one of first.
+    /// No element of second order exists for this element of first order.
     #[error(
-        "element {element} near {place} is a pyramid, of which there are none of second order: leave out order = 2, or use \
-         tetrahedra alone, or hexahedra and wedges"
+        "element {element} near {place} is a pyramid, and pyramids of second order are not supported: leave out order \
+         = 2, or use tetrahedra alone, or hexahedra and wedges"
     )]
     NotRaised {
         /// The element.
@@ -288,7 +289,7 @@ pub enum MeshError {
         element: usize,
         /// The number that it names.
         region: u32,
-        /// How many regions there are.
+        /// The number of regions.
         n_regions: usize,
     },
     /// A boundary names a node that does not exist.
@@ -298,7 +299,7 @@ pub enum MeshError {
         name: String,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
     /// A set of nodes names one that does not exist.
@@ -308,7 +309,7 @@ pub enum MeshError {
         name: String,
         /// The number that it names.
         node: u32,
-        /// How many nodes there are.
+        /// The number of nodes.
         n_nodes: usize,
     },
 }
@@ -338,14 +339,14 @@ where
         })
     }
 
-    /// A mesh from its parts: checks them, turns elements around whose nodes go the wrong way round, lets copies of elements
-    /// count once, gives serendipity elements nodes in the middle of faces where neighbours have them, drops nodes that no
-    /// element uses, and directs the facets of boundaries so that the body lies behind them. Boundaries may have facets that do
-    /// not lie on the outside: they are noted in [`Self::faults`].
+    /// A mesh from its parts. It checks them, reverses elements with the wrong orientation, counts copies of elements once,
+    /// gives serendipity elements mid-face nodes where neighbours have them, drops nodes that no element uses, and orients the
+    /// facets of boundaries so that the body is behind them. Boundaries may have facets that are not on the outside:
+    /// [`Self::faults`] lists them.
     ///
     /// # Errors
-    /// If elements or boundaries name what there is not, elements have no area (volume), fold over themselves or overlap, or
-    /// neighbours do not share the nodes between them.
+    /// If elements or boundaries refer to missing nodes or regions, elements have no area (volume), fold over themselves or
+    /// overlap, or neighbours do not share the nodes between them.
     pub fn from_parts(parts: MeshParts<D>) -> Result<Self, MeshError> {
         let mut mesh = Self {
             nodes: parts.nodes,
@@ -379,7 +380,7 @@ where
         Ok(mesh)
     }
 
-    /// Checks that there are elements, that nodes are finite, and that elements and boundaries name what there is.
+    /// Checks that there are elements, that nodes are finite, and that all references exist.
     fn check(&self) -> Result<(), MeshError> {
         if self.elements.is_empty() {
             return Err(MeshError::Empty);
@@ -428,7 +429,7 @@ where
         Ok(())
     }
 
-    /// Makes every region a group of its own.
+    /// Makes every region its own group.
     fn group_regions(&mut self) {
         for (region, name) in (0..).zip(&self.regions) {
             self.groups.entry(name.clone()).or_default().push(region);
@@ -518,7 +519,7 @@ where
         std::array::from_fn(|a| self.nodes[nodes[a] as usize])
     }
 
-    /// Area (volume) of an element; negative where its nodes go round the wrong way.
+    /// Area (volume) of an element; negative if its nodes have the wrong orientation.
     pub(crate) fn measure(&self, element: &Element<D>) -> f64 {
         element.kind().with(Measure(self, element))
     }
@@ -532,7 +533,7 @@ where
         measures
     }
 
-    /// How many elements it has of each kind that there are any of.
+    /// The number of elements of each kind that occurs.
     pub fn kinds(&self) -> Vec<(ElementKind, usize)> {
         let count = |kind| self.elements.iter().filter(|e| e.kind() == kind).count();
         let all = ElementKind::ALL.map(|kind| (kind, count(kind)));
@@ -588,7 +589,7 @@ where
             };
             total += determinant;
         };
-        // In a triangle or a tetrahedron with straight sides there is but one.
+        // A triangle or a tetrahedron with straight sides has only one.
         E::stiffness_rule().into_iter().for_each(|(xi, _)| at(xi));
         if N > D + 1 {
             E::NODES.into_iter().for_each(&mut at);
@@ -604,8 +605,7 @@ where
     }
 }
 
-/// Turns an element around whose nodes go the wrong way round, and rejects one without area (volume) or that folds over
-/// itself.
+/// Reverses an element with the wrong orientation; rejects one that has no area (volume) or folds over itself.
 fn orient<const D: usize>(
     element: &mut Element<D>,
     nodes: &[[f64; D]],
@@ -640,7 +640,7 @@ where
             place,
         });
     }
-    // As the midsides are none of first order: is it they, and would another program's order be right?
+    // Without midside nodes the element is valid: are these at fault, and would another program's order be right?
     let straight = Element::new(kind.linear(), &element.nodes()[..kind.n_corners()], 0);
     let mut corners_alone = straight;
     if orient(&mut corners_alone, nodes, number).is_err() {

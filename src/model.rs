@@ -1,8 +1,8 @@
-//! Models of elastic bodies in contact: what they are made of, what holds and loads them, and what they may touch.
+//! Models of elastic bodies in contact: materials, supports, loads and contacts.
 //!
-//! A [`Model`] says on a mesh, in the plane or in space, what a case file says in its tables, and case files are built by it. [`Model::build`]
-//! checks it, assembles K, f, N, T, d and g, and finds the bodies that nothing but contact holds; [`Elastic::step`]
-//! gives the load of each step.
+//! A [`Model`] states on a mesh, in the plane or in space, the tables of a case file, and case files are built by it.
+//! [`Model::build`] checks it, assembles K, f, N, T, d and g, and finds the bodies that only contact holds; [`Elastic::step`] gives
+//! the load of each step.
 //!
 //! A block of steel, held at one end, pressed on a rigid floor and pushed along it:
 //!
@@ -90,7 +90,7 @@ use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{SIZES, is_sized};
 use serde::{Deserialize, Serialize};
 
-/// A model on its way: a mesh, and what is said about it. Numbers are in any consistent units.
+/// A model under construction: a mesh and its definition. Numbers are in any consistent units.
 #[derive(Clone, Debug)]
 pub struct Model<const D: usize = 2>
 where
@@ -100,7 +100,7 @@ where
     pub(crate) definition: Definition<D>,
 }
 
-/// What is said of a model beside its mesh: the tables of a case file.
+/// The definition of a model apart from its mesh: the tables of a case file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Definition<const D: usize = 2> {
@@ -135,7 +135,7 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) steps: Option<Steps>,
 }
 
-/// What is said of a model as a whole.
+/// The properties of a model as a whole.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Whole<const D: usize = 2> {
@@ -156,14 +156,14 @@ pub(crate) struct Whole<const D: usize = 2> {
     geometry: Geometry,
 }
 
-/// How large displacements may be.
+/// The size of displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Geometry {
-    /// So small that balance is that of where the bodies were.
+    /// So small that balance is computed at the original positions of the bodies.
     #[default]
     Small,
-    /// Balance, contact and friction are those of where the bodies are.
+    /// Balance, contact and friction hold at the displaced positions of the bodies.
     Large,
 }
 
@@ -194,19 +194,20 @@ impl<const D: usize> Rotation<D> {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steps {
-    /// What loads and prescribed displacements are multiplied by in each step.
+    /// The factors of loads and prescribed displacements in each step.
     pub factors: Vec<f64>,
 }
 
 /// The plane.
 impl Model {
-    /// Says what happens perpendicular to the plane.
+    /// Sets the behaviour perpendicular to the plane.
     pub fn plane(mut self, plane: Plane) -> Self {
         self.definition.analysis.plane = Some(plane);
         self
     }
 
-    /// The thickness in m that forces are for; 1 without. Bodies of revolution have none: forces are for the whole ring.
+    /// The thickness in m to which forces refer; 1 by default. Bodies of revolution have none: forces are for the whole
+    /// ring.
     pub fn thickness(mut self, thickness: f64) -> Self {
         self.definition.analysis.thickness = Some(thickness);
         self
@@ -232,7 +233,7 @@ where
         self
     }
 
-    /// Gives a region, a group of them, or several, their material.
+    /// Gives one or several regions, or groups of regions, their material.
     pub fn material_in(mut self, region: impl Into<Names>, material: Material) -> Self {
         let filling = Filling::of(Some(region.into()), material);
         self.definition.materials.push(filling);
@@ -317,22 +318,22 @@ where
         self
     }
 
-    /// Load steps, one after another: what loads, gravity and prescribed displacements are multiplied by in each,
-    /// where they have no factors of their own.
+    /// Load steps in order: the factors of loads, gravity and prescribed displacements in each, where they have no
+    /// factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
         let factors = factors.into();
         self.definition.steps = Some(Steps { factors });
         self
     }
 
-    /// Displacements may be large: bodies turn and bend, and balance, contact and friction are those of where they are in the end.
-    /// Contact is with obstacles then, and supports hold each body.
+    /// Displacements may be large: bodies turn and bend, and balance, contact and friction hold at their final positions. Contact
+    /// is then with obstacles only, and supports hold each body.
     pub fn large_displacements(mut self) -> Self {
         self.definition.analysis.geometry = Geometry::Large;
         self
     }
 
-    /// Says what results call lengths and forces.
+    /// Sets the names of lengths and forces in results.
     pub fn units(mut self, units: Units) -> Self {
         self.definition.units = Some(units);
         self
@@ -340,8 +341,8 @@ where
 }
 
 impl<const D: usize> Definition<D> {
-    /// All that it states of which there may be several, kind by kind, each with its number among those of its kind. A kind that
-    /// is added is added here, and nowhere else in this room.
+    /// All parts of which there may be several, kind by kind, each with its number among those of its kind. A new kind is added
+    /// here, and nowhere else in this room.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
         fn of<P: Part>(all: &[P]) -> impl Iterator<Item = (usize, &dyn Part)> {
             let parts = all.iter().map(|part| -> &dyn Part { part });
@@ -359,7 +360,7 @@ impl<const D: usize> Definition<D> {
             .chain(of(&self.springs))
     }
 
-    /// What happens perpendicular to the plane.
+    /// The behaviour perpendicular to the plane.
     pub(crate) fn plane(&self) -> Plane {
         self.analysis.plane.unwrap_or_default()
     }
@@ -379,8 +380,8 @@ impl<const D: usize> Definition<D> {
         self.steps.as_ref().map_or(1, |steps| steps.factors.len())
     }
 
-    /// What something with these factors of its own is multiplied by at a time: 1 is the end of the first load step, 2 that of the
-    /// second. From one end to the next, and from 0 at the time 0, it grows in proportion to the time.
+    /// The factor, at a time, of a part with these factors of its own: 1 is the end of the first load step, 2 that of the second.
+    /// From one end to the next, and from 0 at the time 0, it varies linearly with time.
     fn factor(&self, own: &Option<Vec<f64>>, time: f64) -> f64 {
         let whole = self.steps.as_ref().map(|steps| &steps.factors);
         let factors = own.as_ref().or(whole);
@@ -396,12 +397,12 @@ impl<const D: usize> Definition<D> {
         }
     }
 
-    /// What lengths and forces are called.
+    /// The names of lengths and forces.
     pub(crate) fn units(&self) -> Units {
         self.units.clone().unwrap_or_default()
     }
 
-    /// Whether it can be meant, as far as that shows without the mesh.
+    /// Checks the model as far as possible without the mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
@@ -417,7 +418,7 @@ impl<const D: usize> Definition<D> {
         if let Some(rotation) = &self.analysis.rotation {
             let fault = match rotation.axis {
                 None if D == 3 => {
-                    Some("in space there has to be an axis: axis = [x, y, z], its direction")
+                    Some("in space an axis is needed: axis = [x, y, z], its direction")
                 }
                 _ if !rotation.speed.is_finite() => {
                     Some("the speed of the rotation must be finite")
@@ -433,7 +434,7 @@ impl<const D: usize> Definition<D> {
         self.check_steps()
     }
 
-    /// Every part says enough and nothing impossible, and no contact stands twice.
+    /// Every part is complete and consistent, and no contact is listed twice.
     pub(crate) fn check_parts(&self) -> Result<(), ModelError> {
         if let Some((number, part, flaw)) =
             (self.parts()).find_map(|(number, part)| Some((number, part, part.fault()?)))
@@ -443,7 +444,7 @@ impl<const D: usize> Definition<D> {
         for (i, pair) in self.pairs.iter().enumerate() {
             if self.pairs[..i].iter().any(|other| pair.mirrors(other)) {
                 return Err(pair.entity(i).error(
-                    "this contact stands above with its boundaries the other way round: name each pair once",
+                    "this pair is already listed above with its sides swapped: name each pair once",
                 ));
             }
             if pair.is_tie() {
@@ -453,14 +454,14 @@ impl<const D: usize> Definition<D> {
         }
         match self.ties.iter().position(|tie| !tie.is_tie()) {
             Some(i) => {
-                let text = "this is a contact and no tie: Pair::tied makes one";
+                let text = "this is a contact, not a tie: make a tie with Pair::tied";
                 Err(self.ties[i].entity(i).error(text))
             }
             None => Ok(()),
         }
     }
 
-    /// There is at least one load step, and factors of its own that something has are one for each.
+    /// There is at least one load step, and factors of a part's own are one for each step.
     fn check_steps(&self) -> Result<(), ModelError> {
         let finite = |factors: &[f64]| factors.iter().all(|f| f.is_finite());
         let unfit = |steps: &Steps| steps.factors.is_empty() || !finite(&steps.factors);
@@ -476,10 +477,10 @@ impl<const D: usize> Definition<D> {
                 }
                 return Err(part.entity(number).at(key).error(match &self.steps {
                     None if key == "factors" => {
-                        "factors belong to load steps: say what these are, with factors of their own"
+                        "factors apply to load steps: state the load steps, with their own factors"
                             .to_owned()
                     }
-                    None => format!("{key} belongs to load steps: say what these are under [steps]"),
+                    None => format!("{key} applies to load steps: state them under [steps]"),
                     Some(_) => {
                         format!("{key} needs {n_steps} finite numbers, one for each load step")
                     }

@@ -1,12 +1,12 @@
 //! The same solve on several machines: MPI for the processes, PETSc for K⁻¹ (feature `mpi`).
 //!
-//! Each process, a *rank*, has the rows of K that belong to its nodes, with u and f there and the columns of B; nobody has all of
-//! K. λ and the Newton method are on all ranks, where they are the same to the last bit: whatever goes over all unknowns is added up
-//! on rank 0 and handed to the others. All functions here are collective: every rank has to call them, in the same order. docs/mpi.md
-//! says what is asked of PETSc, what was measured, and how far it reaches.
+//! Each process, a *rank*, has the rows of K that belong to its nodes, with u and f there and the columns of B; no rank has all of
+//! K. λ and the Newton method are on all ranks, the same to the last bit: rank 0 adds up every sum over unknowns and sends it to
+//! the others. All functions here are collective: every rank has to call them, in the same order. docs/mpi.md has the options of
+//! PETSc, measurements and limits.
 //!
-//! A model is cut up by rank 0 ([`Share::of_model`]); a program that has its matrices on its ranks already hands over what each has
-//! ([`Share::of_rows`]). An error of PETSc's on one rank leaves the others waiting: whoever gets one has to end all of them
+//! A model is cut up by rank 0 ([`Share::of_model`]); a program whose matrices are already distributed passes the rows of each rank
+//! ([`Share::of_rows`]). An error of PETSc's on one rank leaves the others waiting: the rank with the error has to end all of them
 //! ([`Group::abort`]).
 
 mod foreseen;
@@ -40,17 +40,17 @@ pub struct World {
     _universe: Universe,
 }
 
-/// How long a rank that has met an error waits for rank 0 to tell the same one: what all have met is told once.
+/// How long a failed rank waits for rank 0 to report the same error: an error on all ranks is reported once.
 const FIRST: Duration = Duration::from_millis(500);
 
 impl World {
     /// Starts MPI. From here on a panic of any rank ends all of them, with exit code 1.
     ///
     /// # Errors
-    /// If MPI was started before, or cannot be called from several threads one at a time.
+    /// If MPI is already running, or does not allow calls from several threads one at a time.
     pub fn start() -> Result<Self, String> {
-        let (universe, level) = initialize_with_threading(Threading::Serialized)
-            .ok_or("MPI has been started already")?;
+        let (universe, level) =
+            initialize_with_threading(Threading::Serialized).ok_or("MPI is already running")?;
         if level < Threading::Serialized {
             return Err("this MPI cannot be called from several threads, one at a time".to_owned());
         }
@@ -72,8 +72,8 @@ impl World {
     }
 }
 
-/// Ranks of one machine share its cores: each takes as many threads as there are cores for it, one at least. What launchers bind
-/// ranks to is no longer shared.
+/// Ranks of one machine share its cores: each takes its share of the cores as threads, at least one. Cores to which a launcher
+/// binds a rank are not shared.
 fn share_cores(universe: &Universe) {
     if std::env::var_os("RAYON_NUM_THREADS").is_some() {
         return;
@@ -81,7 +81,7 @@ fn share_cores(universe: &Universe) {
     let world = universe.world();
     let here = world.split_shared(world.rank()).size() as usize;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    // Where there are threads already they stay.
+    // Existing threads stay.
     let _ = rayon::ThreadPoolBuilder::new()
         .num_threads((cores / here).max(1))
         .build_global();
@@ -94,7 +94,7 @@ impl Drop for World {
 }
 
 impl Group {
-    /// Ends all ranks with a message and an exit code. What rank 0 has met as well, it tells.
+    /// Ends all ranks with a message and an exit code. If rank 0 has the same error, rank 0 reports it.
     pub fn abort(&self, message: &str, code: i32) -> ! {
         if self.rank() != 0 {
             std::thread::sleep(FIRST + self.rank().min(20) as u32 * FIRST / 10);

@@ -1,5 +1,5 @@
-//! What a solve leaves behind: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of a problem from matrices; with
-//! the feature `plots`, pictures and `report.html`. [`Results`] writes all of it as load steps end.
+//! The results of a solve: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of a problem from matrices; with the
+//! feature `plots`, pictures and `report.html`. [`Results`] writes all of it as load steps end.
 
 #[cfg(feature = "case")]
 mod export;

@@ -1,8 +1,7 @@
-//! The algebraic contact problem (1)–(3) of the paper, validated: the door for users with their own
-//! discretisation.
+//! The algebraic contact problem (1)–(3) of the paper, validated: the entry for users with their own discretisation.
 //!
-//! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact
-//! node slides in two directions, so that T has two rows for each, one after the other.
+//! D is the number of unknowns per node: 2 in the plane, where it may be left out, and 3 in space. There a contact node
+//! slides in two directions, so that T has two rows for each, one after the other.
 
 mod any;
 mod check;
@@ -50,11 +49,11 @@ use std::sync::Arc;
 /// ```
 ///
 /// In space |λτ,i| is the Euclidean length of the two components, and (3) keeps it in a disc. Where contact is compliant
-/// ([`ContactProblem::with_compliance`]), N u − Cν λν stands for N u and T u − Cτ λτ for T u in (2) and (3).
+/// ([`ContactProblem::with_compliance`]), N u − Cν λν replaces N u, and T u − Cτ λτ replaces T u, in (2) and (3).
 #[derive(Clone, Debug)]
 pub struct ContactData<const D: usize = 2> {
-    /// K, n × n, symmetric positive definite, or semidefinite where bodies can move as a whole. Where n is no
-    /// multiple of D, [`BlockCsr::from_triplets`] completes the last block.
+    /// K, n × n, symmetric positive definite, or semidefinite where bodies can move as a whole. If n is not a multiple
+    /// of D, [`BlockCsr::from_triplets`] completes the last block.
     pub stiffness: BlockCsr<D>,
     /// f, length n.
     pub load: Vec<f64>,
@@ -73,7 +72,7 @@ pub struct ContactData<const D: usize = 2> {
     pub coordinates: Option<Vec<[f64; D]>>,
 }
 
-/// How many directions a contact node slides in, in D dimensions.
+/// The number of sliding directions of a contact node in D dimensions.
 pub(crate) const fn tangents<const D: usize>() -> usize {
     D - 1
 }
@@ -83,20 +82,20 @@ pub(crate) fn tangents_of<const D: usize>(i: usize) -> Range<usize> {
     tangents::<D>() * i..tangents::<D>() * (i + 1)
 }
 
-/// A validated contact problem: everything that works on it may trust its claims.
+/// A validated contact problem: all code that works on it may rely on that.
 ///
 /// It is a [`System`], which is made once and shared, with a [`LoadCase`]: cloning it and taking another load
-/// ([`ContactProblem::with_data`]) copies neither matrices nor points. K is the matrix or, once that is left to an
-/// operator, [`Elsewhere`].
+/// ([`ContactProblem::with_data`]) copies neither matrices nor points. K is the matrix or, once only an operator knows
+/// it, [`Elsewhere`].
 #[derive(Clone, Debug)]
 pub struct ContactProblem<const D: usize = 2, K = Arc<BlockCsr<D>>> {
     system: Arc<System<D>>,
-    /// Shared, since backends on the CPU work on it where it is.
+    /// Shared, because backends on the CPU work on it in place.
     stiffness: K,
     case: LoadCase,
 }
 
-/// The K of a problem whose dual operator alone knows it.
+/// The K of a problem that only its dual operator knows.
 #[derive(Clone, Copy, Debug)]
 pub struct Elsewhere;
 
@@ -109,18 +108,18 @@ impl<const D: usize, K> Deref for ContactProblem<D, K> {
 }
 
 impl<const D: usize> ContactProblem<D> {
-    /// Checks the data: shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no
-    /// parallel rows in B = (N; T). That K is positive definite shows when it is factorised. An infinite entry of d is that of a
-    /// node without an obstacle, one of g that of a node that never slips. A row without entries does nothing.
+    /// Checks the data: shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0, no parallel rows in B = (N;
+    /// T). Factorisation checks that K is positive definite. An infinite entry of d means a node without an obstacle, an
+    /// infinite entry of g a node that never slips. A row without entries has no effect.
     ///
     /// # Errors
-    /// What is wrong with which entry.
+    /// The entry and its fault.
     pub fn new(data: ContactData<D>) -> Result<Self, ProblemError> {
         Self::compliant(data, Vec::new())
     }
 
-    /// The same for rows that bodies in contact give rise to: those may depend on each other, where several parts of one
-    /// body lie under one facet of another. Forces are unique even so, multipliers need not be.
+    /// The same for rows of bodies in contact, which may depend on each other where several parts of one body are under
+    /// one facet of another. Forces are unique even so, multipliers need not be.
     pub(crate) fn of_bodies(
         data: ContactData<D>,
         compliance: Vec<f64>,
@@ -133,7 +132,7 @@ impl<const D: usize> ContactProblem<D> {
             .with_ties(tied)
     }
 
-    /// The same with a compliance, which lets rows depend on each other that have one; those without must not.
+    /// The same with a compliance: compliant rows may depend on each other, others must not.
     pub(crate) fn compliant(
         data: ContactData<D>,
         compliance: Vec<f64>,
@@ -154,22 +153,22 @@ impl<const D: usize> ContactProblem<D> {
         }
     }
 
-    /// Whether rows of B are seen to depend on each other, which [`ContactProblem::new`] refuses.
+    /// Whether rows of B depend on each other, by the checks with which [`ContactProblem::new`] refuses them.
     #[cfg(feature = "case")]
     pub(crate) fn has_dependent_rows(&self) -> bool {
         let compliance = self.contact_compliance();
         check::rank(self.normal(), self.tangential(), self.n(), compliance).is_err()
     }
 
-    /// K; where n is no multiple of D with decoupled unknowns that complete the last block.
+    /// K; if n is not a multiple of D, with decoupled unknowns that complete the last block.
     pub fn stiffness(&self) -> &Arc<BlockCsr<D>> {
         &self.stiffness
     }
 }
 
 impl<const D: usize, K> ContactProblem<D, K> {
-    /// The problem whose K is known to a dual operator alone. Of the K that it was made with nothing is used any more
-    /// but the diagonal, which may be all that it had, and whatever bodies were found to be free.
+    /// The problem with a K that only a dual operator knows. Of its matrix K only the diagonal is used any more, which
+    /// may be all it had, and the floating bodies found before.
     pub fn elsewhere(&self) -> ContactProblem<D, Elsewhere> {
         ContactProblem {
             system: Arc::clone(&self.system),
@@ -205,8 +204,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Gives the area of each contact node, length m: what turns its force into a pressure. Without, forces are
-    /// compared as they are.
+    /// Sets the area of each contact node, length m, which turns its force into a pressure. Without areas, forces are
+    /// compared directly.
     ///
     /// # Errors
     /// If the length differs, or an entry is not a positive number.
@@ -224,11 +223,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// Makes contact compliant: with C = diag(`compliance`) ≥ 0, length D m, in the order of λ and in m/N (1/(k a) for a stiffness
-    /// k per area on an area a), (2) and (3) are about N u − Cν λν and T u − Cτ λτ. The gap may close by Cν λν, and slip begins
+    /// k per area on an area a), (2) and (3) hold for N u − Cν λν and T u − Cτ λτ. The gap may close by Cν λν, and slip begins
     /// after Cτ λτ. An empty vector, or zeros: hard contact.
     ///
-    /// In space both tangents of a node have the same. A row of T without entries has none. Rows with a compliance may depend on
-    /// each other: see [`Matrices::compliance`].
+    /// In space both tangents of a node have the same compliance. A row of T without entries has none. Rows with a compliance may
+    /// depend on each other: see [`Matrices::compliance`].
     ///
     /// # Errors
     /// If the length is neither D m nor 0, an entry is negative or not finite, or the two tangents of a node differ.
@@ -256,10 +255,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Another load f, as long as K has rows.
+    /// Another load f, one entry per row of K.
     ///
     /// # Errors
-    /// If the length differs, or an entry is not finite, or beyond what can be computed with.
+    /// If the length differs, or an entry is not finite, or out of range.
     pub fn with_load(mut self, load: Vec<f64>) -> Result<Self, ProblemError> {
         let (name, reason) = ("the load f", "one entry per row of K");
         check::length(name, &load, self.n_rows(), reason)?;
@@ -270,8 +269,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Another gap, which may be negative: what is pressed or shrunk on overlaps where it is to touch (an interference), and a
-    /// prescribed motion may have closed more than there was. Where it is infinite there is no obstacle.
+    /// Another gap, which may be negative: pressed or shrunk parts overlap (an interference), and a prescribed motion may
+    /// close more than the gap. An infinite gap means no obstacle.
     ///
     /// # Errors
     /// If the length is not m, an entry is −∞ or not a number, or negative where the row of N has no entries.
@@ -284,7 +283,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Another origin of slip, an entry per row of T: (3) is about T u less this.
+    /// Another origin of slip, an entry per row of T: (3) holds for T u minus this origin.
     ///
     /// # Errors
     /// If the length differs, or an entry is not finite.
@@ -315,27 +314,27 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Says how the nodes of elements of second order follow their corners: multigrid goes there first.
+    /// Sets how the nodes of second-order elements follow their corners, the first coarse level of multigrid.
     ///
     /// # Panics
-    /// If that is about another number of nodes than K has.
+    /// If the number of nodes differs from that of K.
     pub fn with_vertices(mut self, vertices: Vertices<D>) -> Self {
         assert_eq!(D * vertices.prolongation.n_block_rows(), self.n_rows());
         Arc::make_mut(&mut self.system).vertices = Some(Arc::new(vertices));
         self
     }
 
-    /// Says how many of the unknowns are free, where some rows of K only hold a prescribed component.
+    /// Sets the number of free unknowns, where some rows of K only hold a prescribed component.
     pub(crate) fn with_free_unknowns(mut self, n_free: usize) -> Self {
         let system = Arc::make_mut(&mut self.system);
         system.n_free = n_free.min(system.n);
         self
     }
 
-    /// The problem with the same K, N and T and another load, gap, origin of slip and slip bound: a load step, or
-    /// one of several problems in a row. `load` is as long as K has rows, `gap` and `slip_bound` have length m,
-    /// `slip_origin` as many entries as T has rows: (3) is then about T u − `slip_origin`. The gap may be negative
-    /// here, where a prescribed motion has closed it.
+    /// The problem with the same K, N and T and another load, gap, origin of slip and slip bound: a load step, or one
+    /// of several problems in a row. `load` has an entry per row of K, `gap` and `slip_bound` have length m,
+    /// `slip_origin` has an entry per row of T: (3) then holds for T u − `slip_origin`. The gap may be negative here,
+    /// where a prescribed motion has closed it.
     ///
     /// # Errors
     /// If a length differs, an entry is not finite, or one of the slip bound is negative.
@@ -355,12 +354,11 @@ impl<const D: usize, K> ContactProblem<D, K> {
             .with_slip_bound(slip_bound)
     }
 
-    /// The problem on the same K with other contact nodes, of which there may be more or fewer: N, T, d and g as in [`ContactData`],
-    /// but the gap may be negative. Contact is hard there, without coefficients of friction, areas and ties; slip is counted from
-    /// where u is zero.
+    /// The problem on the same K with other contact nodes, perhaps in another number: N, T, d and g as in [`ContactData`], but the
+    /// gap may be negative. Contact is hard, without coefficients of friction, areas and ties; slip is measured from u = 0.
     ///
     /// # Errors
-    /// What [`ContactProblem::new`] checks of these.
+    /// Those of [`ContactProblem::new`] for these data.
     pub fn with_contact(
         &self,
         normal: Csr,
@@ -430,7 +428,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         })
     }
 
-    /// Along a row of T without entries nothing slips, wherever that is counted from.
+    /// Along a row of T without entries nothing slips, whatever the origin of slip.
     fn without_empty_rows(&self, mut case: LoadCase) -> LoadCase {
         let own = &self.own_compliance()[self.m()..];
         let empty = case.slip_origin.iter_mut().zip(own);
@@ -438,12 +436,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
         case
     }
 
-    /// Load, gap, and what slip is counted from.
+    /// Load, gap, and origin of slip.
     pub fn load_case(&self) -> &LoadCase {
         &self.case
     }
 
-    /// f, as long as K has rows.
+    /// f, an entry per row of K.
     pub fn load(&self) -> &[f64] {
         &self.case.force
     }
@@ -453,12 +451,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
         &self.case.gap
     }
 
-    /// Where slip is counted from: (3) is about T u less this.
+    /// The origin of slip: (3) holds for T u minus this.
     pub fn slip_origin(&self) -> &[f64] {
         &self.case.slip_origin
     }
 
-    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it. Infinite where a node is tied.
+    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it. Infinite at tied nodes.
     pub fn slip_bound(&self) -> &[f64] {
         &self.case.slip_bound
     }

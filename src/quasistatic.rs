@@ -1,14 +1,14 @@
-//! Load steps and Coulomb friction: what takes several contact problems (1)–(3) in a row.
+//! Load steps and Coulomb friction: sequences of contact problems (1)–(3).
 //!
-//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem
-//! (1)–(3) in the whole displacement u under the whole load, with T(u − ū) in place of T u, ū the displacement
-//! before (of compliant contact less what it gives way by itself): the history is in the origin of slip alone, so that nothing of an earlier, larger load is left in
-//! the load or the gap of a small one.
+//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem (1)–(3) in the
+//! whole displacement u under the whole load, with T(u − ū) instead of T u, where ū is the displacement before (for compliant
+//! contact minus the contact's own compression). Only the origin of slip carries the history, so an earlier, larger load leaves
+//! nothing in the load or the gap of a smaller one.
 //!
-//! **Coulomb friction** is part of the Newton steps (`ssnm`). As no function falls along them, they may fail.
-//! Then bodies that only contact holds are put on weak springs (`springs`), which show whether anything holds them, and
-//! rounds with frozen slip bounds (`rounds`) go on from the best point, and the monolithic step is tried once more where
-//! they converge. Whatever ends a step, its end is the best of all points met, and all that is said of it is about g = μλν.
+//! **Coulomb friction** is part of the Newton steps (`ssnm`). They minimise no function, so they may fail. Then bodies that only
+//! contact holds are put on weak springs (`springs`), which show whether anything holds them. Rounds with frozen slip bounds
+//! (`rounds`) continue from the best point, and the monolithic step is tried once more where they converge. A step always ends at
+//! the best of all points met, and everything reported about it is for g = μλν.
 
 mod rounds;
 mod springs;
@@ -30,18 +30,18 @@ use std::time::Instant;
 /// The load at the end of a step: totals, not increments.
 #[derive(Clone, Debug)]
 pub struct Load {
-    /// f, as long as K has rows.
+    /// f, an entry per row of K.
     pub force: Vec<f64>,
-    /// ‖f‖ without what prescribed displacements add to it: the forces that act.
+    /// ‖f‖ without the contribution of prescribed displacements: the acting forces.
     pub acting: f64,
-    /// d, length m: the initial gap less what prescribed displacements have closed of it.
+    /// d, length m: the initial gap minus the part that prescribed displacements have closed.
     pub gap: Vec<f64>,
-    /// What prescribed displacements add to T u, an entry per row of T.
+    /// The contribution of prescribed displacements to T u, an entry per row of T.
     pub slide: Vec<f64>,
 }
 
 impl Load {
-    /// That of the problem itself.
+    /// The load of the problem itself.
     pub fn of<const D: usize, K>(problem: &ContactProblem<D, K>) -> Self {
         Self {
             force: problem.load().to_vec(),
@@ -51,7 +51,7 @@ impl Load {
         }
     }
 
-    /// Whether it is one of this problem.
+    /// Checks that the sizes are those of this problem.
     fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
         let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.force, n, "load.force")?;
@@ -60,10 +60,10 @@ impl Load {
     }
 }
 
-/// Where a step starts from.
+/// The start of a step.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// u, as long as K has rows.
+    /// u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ, length D m.
     pub lambda: Vec<f64>,
@@ -81,7 +81,7 @@ impl State {
         }
     }
 
-    /// Where slip is counted from in a step to this load: T ū − Cτ λ̄τ, less what prescribed displacements slide meanwhile.
+    /// The origin of slip in a step to this load: T ū − Cτ λ̄τ, minus the sliding by prescribed displacements meanwhile.
     pub(crate) fn slip_origin<const D: usize>(&self, system: &System<D>, load: &Load) -> Vec<f64> {
         let (rows, m) = (system.tangential(), system.m());
         let mut origin = system.beyond_compliance(rows, m, &self.u, &self.lambda);
@@ -91,7 +91,7 @@ impl State {
         origin
     }
 
-    /// Whether it is one of this problem.
+    /// Checks that the sizes are those of this problem.
     fn check_for<const D: usize>(&self, system: &System<D>) -> Result<(), SettingsError> {
         let (n, m) = (system.n_rows(), system.m());
         SettingsError::unless_numbers(&self.u, n, "start.u")?;
@@ -103,9 +103,9 @@ impl State {
 /// Settings of a step.
 #[derive(Clone, Debug)]
 pub struct StepSettings {
-    /// Those of the method.
+    /// The settings of the method.
     pub ssnm: ssnm::NewtonSettings,
-    /// Under Coulomb's law: whether the bounds are part of the Newton steps. If not, there are only rounds.
+    /// Under Coulomb's law: whether the bounds are part of the Newton steps. Otherwise only rounds are made.
     pub monolithic: bool,
     /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
     pub friction_tolerance: Option<f64>,
@@ -120,10 +120,10 @@ impl StepSettings {
             .unwrap_or(ssnm::MET * self.ssnm.tolerance)
     }
 
-    /// Whether the numbers make sense for any problem: see [`ssnm::NewtonSettings::check`].
+    /// Checks that the numbers are valid for any problem: see [`ssnm::NewtonSettings::check`].
     ///
     /// # Errors
-    /// The first setting that does not.
+    /// The first invalid setting.
     pub fn check(&self) -> Result<(), SettingsError> {
         self.ssnm.check()?;
         self.friction_tolerance.map_or(Ok(()), |tolerance| {
@@ -143,13 +143,13 @@ impl Default for StepSettings {
     }
 }
 
-/// One solve of a step: all of it, or a round or an attempt where that did not do.
+/// One solve of a step: the only one, or a round or an attempt if that was not enough.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Round {
     /// From 1.
     pub round: usize,
-    /// Whether slip bounds were frozen under Coulomb's law, and for each solve anew.
+    /// Whether slip bounds were frozen under Coulomb's law, separately for each solve.
     pub frozen: bool,
     /// Whether bodies that only contact holds were on weak springs, under Coulomb's law.
     pub on_springs: bool,
@@ -157,15 +157,15 @@ pub struct Round {
     pub friction_change: f64,
     /// The tolerance of the solve.
     pub tolerance: f64,
-    /// How it went.
+    /// Its course.
     pub info: Info,
 }
 
-/// What is reported to an observer.
+/// The events that an observer receives.
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a Step),
-    /// A solve with frozen slip bounds has ended, or one whose monolithic steps have not got on.
+    /// A solve has ended that had frozen slip bounds, or whose monolithic steps made no progress.
     Round(&'a Round),
 }
 
@@ -175,9 +175,9 @@ pub enum Event<'a> {
 pub struct NotHeld {
     /// Its number among [`System::floating_bodies`].
     pub body: usize,
-    /// Which way the loads push it, in words.
+    /// The direction in which the loads push it, in words.
     pub motion: String,
-    /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not come to them: on
+    /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not reach them: on
     /// springs, however weak, it moves away, or converged slip bounds do not hold it.
     pub proven: bool,
 }
@@ -186,9 +186,9 @@ pub struct NotHeld {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StepSolution<const D: usize = 2> {
-    /// How it ended.
+    /// Its end.
     pub status: Status,
-    /// u in all, as long as K has rows.
+    /// The whole u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ = (λν, λτ), length D m.
     pub lambda: Vec<f64>,
@@ -202,16 +202,16 @@ pub struct StepSolution<const D: usize = 2> {
     pub rounds: Vec<Round>,
     /// The optimality conditions at the end.
     pub kkt: Kkt,
-    /// The bodies that nothing holds, where the status says so.
+    /// The bodies that are not held, if that is the status.
     pub not_held: Vec<NotHeld>,
 }
 
-/// A step that could not be finished, with what it had reached.
+/// A step that could not be finished, with its results so far.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", error.cause)]
 #[non_exhaustive]
 pub struct StepError {
-    /// What went wrong in which solve; its λ is a start for another one.
+    /// The error and its solve; its λ can start another solve.
     pub error: Box<SolveError>,
     /// The solves that were finished before.
     pub rounds: Vec<Round>,
@@ -228,7 +228,7 @@ impl<C: Into<Cause>> From<C> for StepError {
 }
 
 impl<const D: usize> StepSolution<D> {
-    /// Where the next step starts from.
+    /// The start of the next step.
     pub fn state(&self, load: &Load) -> State {
         State {
             u: self.u.clone(),
@@ -253,15 +253,15 @@ impl<const D: usize> StepSolution<D> {
     }
 }
 
-/// A body counts as pushed if this part of the largest imbalance is its own.
+/// A body counts as pushed if this part of the largest imbalance acts on it.
 const PUSHED: f64 = 1e-3;
 
-/// Solves one load step from `start`; the operator belongs to `problem`. `recycled` is what earlier steps with the same K,
-/// N and T have left, and empty before the first.
+/// Solves one load step from `start`; the operator belongs to `problem`. `recycled` has the pairs of earlier steps with
+/// the same K, N and T; it is empty before the first.
 ///
 /// # Errors
-/// If a setting makes no sense, if something else is of another size than the problem, or if the operator fails; the
-/// error keeps the rounds made, and of the last one λ and the steps.
+/// If a setting is invalid, a size differs from the problem's, or the operator fails; the error keeps the rounds made,
+/// with λ and the steps of the last one.
 pub fn solve_step<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     load: &Load,
@@ -285,7 +285,8 @@ pub fn solve_step<const D: usize, K>(
     }
 }
 
-/// The problem of a step under its whole load: T u is counted from T ū, less what prescribed displacements slide meanwhile.
+/// The problem of a step under its whole load: the origin of slip is T ū, minus the sliding by prescribed displacements
+/// meanwhile.
 pub(crate) fn lawful<const D: usize>(
     whole: ContactProblem<D, Elsewhere>,
     load: &Load,
@@ -313,7 +314,7 @@ fn has_given_up(status: Status) -> bool {
 
 /// A step on its way.
 struct Process<'a, const D: usize, O: ?Sized, V> {
-    /// Under the whole load; T u is counted from T ū, less what prescribed displacements slide meanwhile.
+    /// Under the whole load; the origin of slip is T ū, minus the sliding by prescribed displacements meanwhile.
     lawful: ContactProblem<D, Elsewhere>,
     dual: &'a mut O,
     settings: &'a StepSettings,
@@ -323,7 +324,7 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Rᵀū.
     place: Vec<f64>,
     made: Vec<Round>,
-    /// The point so far that breaks Coulomb's law least.
+    /// The point so far with the least violation of Coulomb's law.
     best: Option<Met>,
     /// The observer has asked for an end.
     stopped: bool,
@@ -332,7 +333,7 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
 /// A point met under Coulomb's law.
 struct Met {
     lambda: Vec<f64>,
-    /// The largest violation of its conditions, as far as that is known.
+    /// The largest violation of its conditions, where known.
     off: f64,
 }
 
@@ -364,8 +365,7 @@ where
         }
     }
 
-    /// The step, with the bounds that were frozen for what it has ended with: monolithic Newton steps, and rounds where
-    /// those give up.
+    /// The step, with the frozen bounds of its result: monolithic Newton steps, and rounds where those fail.
     fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let tolerance = self.settings.ssnm.tolerance;
         let has_coulomb = self.lawful.has_coulomb();
@@ -374,7 +374,7 @@ where
         let mut from = start.lambda.clone();
         let mut is_held = false;
         if monolithic || !has_coulomb {
-            // Where springs can be asked, that is cheaper than patience.
+            // Where springs can decide, they are cheaper than patience.
             let mut settings = self.settings.ssnm.clone();
             if is_free {
                 settings.numbers.patience = settings.numbers.fruitless;
@@ -400,7 +400,7 @@ where
         let mut rounds = Rounds::new(self, &from);
         let mut solution = rounds.make(self)?;
         if is_held && solution.status == Status::NotHeld {
-            // Bounds that do not hold the body are not those of where springs hardly notice it.
+            // If the bounds do not hold the body, they are not those of a state in which springs bear hardly anything.
             solution.status = Status::Stagnated;
             solution.imbalance.clear();
             solution.mechanism.clear();
@@ -410,7 +410,7 @@ where
         }
         let status = solution.status;
         if monolithic && status == Status::Converged {
-            // From where rounds have led, the monolithic step may get on.
+            // From the result of rounds, the monolithic step may make progress.
             let again = self.solve(None, &rounds.lambda, tolerance)?;
             if !has_given_up(again.status) {
                 return Ok((again, None));
@@ -419,11 +419,13 @@ where
         self.best_met(status)
     }
 
-    /// The best point met, judged by Coulomb's law: without a step, as steps have led nowhere. `status`: why they have ended.
+    /// The best point met, judged by Coulomb's law: without a step, because steps made no progress. `status`: the reason why
+    /// they ended.
     fn best_met(&mut self, status: Status) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
         let ssnm = &self.settings.ssnm;
         let (wanted, tolerance) = (self.settings.friction_tolerance(), ssnm.tolerance);
-        // Bounds that rounds have come to are as good as they were asked for, and forces as good as a tenth of that asks for.
+        // The bounds of converged rounds are as accurate as requested, and forces are as accurate as a tenth of that
+        // requires.
         let mut numbers = ssnm.numbers;
         let of_rounds = status == Status::Converged;
         let tolerance = if of_rounds {
@@ -454,7 +456,7 @@ where
         Ok((solution, None))
     }
 
-    /// max |μλν − g| / max μλν for what differs of the bounds.
+    /// max |μλν − g| / max μλν, for this difference of the bounds.
     fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
         let coefficients = self.lawful.friction_coefficient().iter().zip(lambda);
         let friction = coefficients.fold(0.0_f64, |max, (mu, l)| max.max(mu * l));
@@ -465,7 +467,7 @@ where
         }
     }
 
-    /// Solves the problem of this step, with its bounds frozen if there are any given.
+    /// Solves the problem of this step, with its bounds frozen if any are given.
     fn solve(
         &mut self,
         frozen: Option<&[f64]>,
@@ -516,7 +518,7 @@ where
                 ssnm::solve_from(start, &problem, self.dual, &settings, watch)?
             }
             Some(stiffness) => {
-                // Another A, and bodies that are not free.
+                // A has changed, and bodies are no longer free.
                 let start = WarmStart {
                     lambda,
                     ..WarmStart::default()
@@ -554,7 +556,7 @@ where
         Ok(solution)
     }
 
-    /// The step on weak springs, from where it has given up.
+    /// The step on weak springs, from the point where it stagnated.
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
         let work: f64 = own.map(|(c, l)| c * l * l).sum();
@@ -564,7 +566,7 @@ where
             norm(&floating.sizes(force)),
         );
         let stiffness = load * load / (WEAK * work);
-        // What nothing pushes does not move away.
+        // A body without a push does not move away.
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
@@ -619,14 +621,14 @@ where
     }
 }
 
-/// How bounds have changed; those of ties stay infinite.
+/// The change of bounds; those of ties stay infinite.
 fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
     let each = now.iter().zip(before);
     each.map(|(now, before)| if now == before { 0.0 } else { now - before })
         .collect()
 }
 
-/// The bodies that an imbalance pushes, and which way they go.
+/// The bodies that an imbalance pushes, and their directions.
 fn pushed<const D: usize>(
     system: &System<D>,
     solution: &Solution<D>,

@@ -1,8 +1,8 @@
-//! The other processes that work on the same problem, where there are any (feature `mpi`): each, a *rank*, has some of the
-//! unknowns, and what goes over all of them is added up here.
+//! The other processes that work on the same problem, if any (feature `mpi`): each, a *rank*, has some of the unknowns, and sums
+//! over all unknowns are made here.
 //!
-//! Every rank gets the same bits: the sum is made on rank 0 and handed to the others. All that depends on sums alone is then the
-//! same on all ranks, and they take the same decisions.
+//! Every rank gets the same bits: rank 0 makes the sum and sends it to the others. Results that depend on sums alone are then
+//! the same on all ranks, and so are the decisions.
 
 #[cfg(feature = "mpi")]
 mod group;
@@ -14,9 +14,9 @@ use crate::sparse::{norm, norm_max};
 #[cfg(feature = "mpi")]
 use std::sync::Arc;
 
-/// This process and those that have the other unknowns: nobody, unless it was made for a group of ranks.
+/// This process and those that have the other unknowns: none, unless it was made for a group of ranks.
 ///
-/// Its methods are collective: all ranks of the group have to call them, with as many numbers each.
+/// Its methods are collective: all ranks of the group have to call them, each with the same number of values.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ranks {
     #[cfg(feature = "mpi")]
@@ -24,7 +24,7 @@ pub(crate) struct Ranks {
 }
 
 impl Ranks {
-    /// Several ranks, of which this process is one.
+    /// Several ranks, including this process.
     #[cfg(feature = "mpi")]
     pub fn of(group: &Arc<Group>) -> Self {
         Self {
@@ -32,7 +32,7 @@ impl Ranks {
         }
     }
 
-    /// Adds up what the ranks have, entry by entry.
+    /// Adds up the values of the ranks, entry by entry.
     pub fn sum(&self, _values: &mut [f64]) {
         #[cfg(feature = "mpi")]
         if let Some(group) = &self.group {
@@ -49,7 +49,7 @@ impl Ranks {
         value
     }
 
-    /// Euclidean norm of a vector of which each rank has some entries.
+    /// The Euclidean norm of a vector whose entries are distributed over the ranks.
     pub fn norm(&self, x: &[f64]) -> f64 {
         #[cfg(feature = "mpi")]
         if let Some(group) = &self.group {

@@ -32,7 +32,7 @@ pub const MATERIAL: Material = Material {
 pub enum Geometry {
     /// A 3 × 1 rectangle of 60k × 10k square cells, clamped on x = 0, its bottom on a rigid plane.
     OneBody,
-    /// Two such rectangles of 30k × 10k cells on each other, both clamped on x = 0, nodes matching.
+    /// Two such rectangles of 30k × 10k cells on top of each other, both clamped on x = 0, with matching nodes.
     TwoBodies,
 }
 

@@ -1,7 +1,7 @@
-//! Motions of points without strain: translations and rotations in the plane and in space.
+//! Rigid-body motions of points: translations and rotations in the plane and in space.
 //!
-//! Rotations are about the centre of a [`Frame`] and divided by its size, so that their entries are of the size of
-//! those of translations, whatever the unit of length.
+//! Rotations are about the centre of a [`Frame`] and divided by its size, so that their entries are as large as those
+//! of translations, whatever the unit of length.
 
 /// Rigid motions in a space of this many dimensions: 3 in the plane, 6 in space.
 pub(crate) const fn count(dimension: usize) -> usize {
@@ -12,17 +12,17 @@ pub(crate) const fn count(dimension: usize) -> usize {
 /// x, y and z.
 const TURNS: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
 
-/// What rigid motions are written in.
+/// The origin and scale of rigid-body motions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame<const D: usize> {
-    /// Where rotations leave a point in its place.
+    /// The fixed point of rotations.
     pub centre: [f64; D],
     /// The distance at which a rotation moves by as much as a translation; above 0.
     pub size: f64,
 }
 
 impl<const D: usize> Frame<D> {
-    /// About the middle of the box around the points, whose edges say how large it is; 0 counts as 1.
+    /// About the middle of the box around the points, whose longest edge is the size; 0 counts as 1.
     pub fn of_box<'a>(
         points: impl IntoIterator<Item = &'a [f64; D]>,
         size: impl Fn([f64; D]) -> f64,
@@ -43,8 +43,8 @@ impl<const D: usize> Frame<D> {
         }
     }
 
-    /// What the first M rigid motions do at x, `[c][k]` the component c of motion k: translations along the axes,
-    /// then the rotation of the plane, or those about x, y and z; nothing where M is larger than [`count`] says.
+    /// The first M rigid-body motions at x, `[c][k]` being the component c of motion k: translations along the axes,
+    /// then the rotation of the plane, or those about x, y and z; zero beyond [`count`].
     pub fn motions<const M: usize>(&self, x: &[f64; D]) -> [[f64; M]; D] {
         const { assert!((D == 2 || D == 3) && D <= M) };
         let mut motions = [[0.0; M]; D];
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(there.map(|row| row[3]), [0.0, 0.0, 0.0]);
         assert_eq!(there.map(|row| row[4]), [0.0, 0.0, -1.0]);
         assert_eq!(there.map(|row| row[5]), [0.0, 1.0, 0.0]);
-        // Translations alone.
+        // Only translations.
         assert_eq!(
             frame.motions::<3>(&[9.0; 3]),
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]

@@ -1,4 +1,4 @@
-//! Load steps solved one after another: a model, or a contact problem, in one call, or watched step by step.
+//! Load steps solved one after another: a model, or a contact problem, in one call, or with an observer at each step.
 
 use crate::constraint::row_of;
 use crate::contact::Space;
@@ -14,10 +14,10 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How to solve a problem.
+/// The options of a solve.
 #[derive(Clone, Debug, Default)]
 pub struct SolveOptions {
-    /// On what, and how to apply K⁻¹.
+    /// The device, and the way to apply K⁻¹.
     pub engine: engine::EngineOptions,
     /// Of the method.
     pub settings: quasistatic::StepSettings,
@@ -27,22 +27,23 @@ pub struct SolveOptions {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting makes no sense.
+    /// A setting is invalid.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// No engine could be made: K is singular, say, or there is no such GPU.
+    /// No engine could be made: K is singular, for example, or the requested GPU does not exist.
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// The engine was made for a problem with another K, N or T.
     #[error(
-        "the engine was made for a problem with other matrices: hand it this problem (Engine::update), or make this problem from \
-         that one (ContactProblem::with_data, with_gap, with_friction_coefficient), which keeps the matrices"
+        "the engine was made for a problem with other matrices: pass it this problem (Engine::update), or make this \
+         problem from that one (ContactProblem::with_data, with_gap, with_friction_coefficient), which keeps the \
+         matrices"
     )]
     OtherMatrices,
-    /// A load step cannot be meant.
+    /// A load step is inconsistent.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A step has failed; what it had reached is kept.
+    /// A step has failed; its results so far are kept.
     #[error(transparent)]
     Step(#[from] Box<StepError>),
 }
@@ -51,14 +52,14 @@ pub enum Error {
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct Failed<const D: usize = 2> {
-    /// What went wrong.
+    /// The cause.
     #[source]
     pub error: Error,
     /// The steps before it.
     pub finished: Vec<StepSolution<D>>,
 }
 
-/// What is reported to an observer of load steps.
+/// The events that an observer of load steps receives.
 pub enum Event<'a, const D: usize = 2>
 where
     ElementKind: Topology<D>,
@@ -85,9 +86,9 @@ where
     pub number: usize,
     /// Its load and the displacements that its supports prescribe; None for a problem from matrices.
     pub data: Option<&'a StepData<D>>,
-    /// What has come of it.
+    /// Its result.
     pub solution: StepSolution<D>,
-    /// Where displacements are large, the bodies where they are, with the contact problem there.
+    /// With large displacements, the bodies at their final positions, with the contact problem there.
     pub displaced: Option<Arc<Built<D>>>,
 }
 
@@ -95,12 +96,12 @@ impl<const D: usize> Analysis<'_, D>
 where
     ElementKind: Space<D>,
 {
-    /// Makes the load steps one after another, from rest, until one does not converge or `observer` breaks off: a step
-    /// under way then ends as [`Status::Interrupted`]. The time limit is that of all steps together.
+    /// Makes the load steps one after another, from rest, until one does not converge or `observer` stops: the current step
+    /// then ends as [`Status::Interrupted`]. The time limit is for all steps together.
     ///
     /// # Errors
-    /// If a setting makes no sense, the engine was made for other matrices or fails, or a load step cannot be meant. Not to
-    /// converge is no error but the status of the solution.
+    /// If a setting is invalid, the engine was made for other matrices or fails, or a load step is inconsistent. A solve
+    /// that does not converge is not an error but a status of the solution.
     pub fn solve_on(
         &self,
         engine: &mut Engine,
@@ -127,7 +128,7 @@ where
         if let Some(elastic) = self.elastic.filter(|elastic| elastic.is_large()) {
             return large::make_steps(elastic, self.problem, engine, settings, observer);
         }
-        // What earlier solves on this engine have found out, and this one adds to.
+        // The pairs of earlier solves on this engine, to which this one adds.
         let mut recycled = std::mem::take(&mut engine.recycled);
         let steps = (1..=self.n_steps()).map(|number| self.step(number - 1));
         let made = make_steps(
@@ -143,7 +144,7 @@ where
         made
     }
 
-    /// The same with an engine of its own, unwatched.
+    /// The same with an engine of its own and no observer.
     fn solve(&self, options: &SolveOptions) -> Result<Vec<StepSolution<D>>, Failed<D>> {
         let mut finished = Vec::with_capacity(self.n_steps());
         let made = (options.settings.check().map_err(Error::from))
@@ -198,7 +199,7 @@ impl<const D: usize> Changed<D> {
     }
 }
 
-/// Makes load steps one after another, as [`Analysis::solve_on`] says, with whatever applies K⁻¹.
+/// Makes load steps one after another, like [`Analysis::solve_on`], with any way to apply K⁻¹.
 pub(crate) fn make_steps<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     before: State,
@@ -261,8 +262,8 @@ impl<const D: usize> Built<D>
 where
     ElementKind: Space<D>,
 {
-    /// Solves all load steps from rest; ends after the first one that does not converge. [`Analysis::solve_on`] is for
-    /// whoever wants to watch, to stop, or to keep the engine.
+    /// Solves all load steps from rest; ends after the first one that does not converge. To observe, to stop, or to
+    /// keep the engine, call [`Analysis::solve_on`].
     ///
     /// # Errors
     /// As [`ContactProblem::solve`]; the steps before the one at fault are kept.
@@ -275,11 +276,11 @@ impl<const D: usize> ContactProblem<D>
 where
     ElementKind: Space<D>,
 {
-    /// Solves the problem as it is given, from rest: Coulomb friction and bodies that only contact holds included.
+    /// Solves the given problem from rest, including Coulomb friction and bodies that only contact holds.
     ///
     /// # Errors
-    /// If no engine can be made, a setting makes no sense, or the engine fails. Not to converge is no error but the
-    /// status of the solution.
+    /// If no engine can be made, a setting is invalid, or the engine fails. A solve that does not converge is not an
+    /// error but a status of the solution.
     ///
     /// # Example
     /// Two springs in a row, the outer one pushed into a wall that is 1 away and rubs with at most 0.1:
@@ -356,12 +357,12 @@ macro_rules! of_either {
 }
 
 impl AnySolution {
-    /// How it ended.
+    /// Its end.
     pub fn status(&self) -> Status {
         of_either!(self, solution => solution.status)
     }
 
-    /// u in all, as long as K has rows.
+    /// The whole u, an entry per row of K.
     pub fn u(&self) -> &[f64] {
         of_either!(self, solution => &solution.u)
     }
@@ -475,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_first() {
+    fn faults_are_reported_first() {
         let mut options = SolveOptions::default();
         options.settings.ssnm.beta = -1.0;
         let failed = block(&[1.0]).solve(&options).err();
@@ -483,7 +484,7 @@ mod tests {
         assert!(matches!(error, Some(Error::Settings(_))), "{error:?}");
     }
 
-    /// It moves to another thread, and solves what has the same K, N and T, and nothing else.
+    /// An engine moves to another thread, and solves only problems with the same K, N and T.
     #[test]
     fn an_engine_is_kept_and_used_again() {
         let built = block(&[1.0]);

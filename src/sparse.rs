@@ -41,10 +41,10 @@ impl<T, F: FnMut() -> T> WithSimd for Vectorised<F> {
     }
 }
 
-/// Runs a block with the vector instructions of the processor; its sums keep the order that is written down.
+/// Runs a block with the vector instructions of the processor; its sums keep their order.
 ///
-/// A closure is compiled for them only where it becomes a part of the function that has them switched on: it has to be
-/// inlined, and no `FnOnce`, which would get a function of its own in between.
+/// A closure is compiled for them only inside the function that enables them: it has to be inlined, and must not be an
+/// `FnOnce`, which would get a separate function in between.
 macro_rules! vectorised {
     ($work:block) => {
         pulp::Arch::new().dispatch($crate::sparse::Vectorised(
@@ -78,8 +78,8 @@ impl<const B: usize> BlockCsr<B> {
         Self::from_passes(n_rows, n_cols, || entries.iter().copied())
     }
 
-    /// The same from entries that are looked through twice: in counting those of each row, and in putting them
-    /// there. Rows are then sorted by themselves.
+    /// The same from entries that are iterated twice: to count those of each row, and to store them. Rows are then
+    /// sorted one by one.
     pub(crate) fn from_passes<I: Iterator<Item = (u32, u32, f64)>>(
         n_rows: usize,
         n_cols: usize,
@@ -91,7 +91,7 @@ impl<const B: usize> BlockCsr<B> {
         );
         let (n_block_rows, n_block_cols) = (n_rows.div_ceil(B), n_cols.div_ceil(B));
         let b = B as u32;
-        // Where the next entry of each row goes: once all are there, where the row ends.
+        // The position of the next entry of each row: in the end, the end of the row.
         let mut ends = vec![0; n_block_rows + 1];
         entries().for_each(|(i, _, _)| ends[(i / b) as usize + 1] += 1);
         for i in 0..n_block_rows {
@@ -288,7 +288,7 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         cols.binary_search(&(j as u32)).ok().map(|k| &blocks[k])
     }
 
-    /// Where each block row starts among the stored blocks, and the number of blocks at the end.
+    /// The start of each block row among the stored blocks, and the number of blocks at the end.
     pub fn row_ptr(&self) -> &[usize] {
         &self.row_ptr
     }
@@ -333,9 +333,8 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         });
     }
 
-    /// Hands each block row of y, with the same rows of x (where there are such) and of M x, to `finish`;
-    /// returns the sum of what that returns, made in tasks of a fixed size so that the number of threads
-    /// does not change it.
+    /// Passes each block row of y, with the same rows of x (if given) and of M x, to `finish`; returns the sum of its
+    /// results, made in tasks of a fixed size so that the number of threads does not change it.
     ///
     /// # Panics
     /// If the lengths do not fit.
@@ -470,7 +469,7 @@ mod tests {
         assert_eq!(m.diagonal(), [3.0, 0.0, 0.0, 0.0]);
     }
 
-    /// In every place the sum is that of the entries in their order, to the last bit.
+    /// Every entry is the sum of its contributions in their order, to the last bit.
     #[test]
     fn triplets_add_up_in_their_order() {
         let (n, mut state) = (3 * ROWS_PER_TASK + 5, 1_u64);

@@ -1,17 +1,17 @@
 //! The semi-smooth Newton method in dual form: Algorithms SSNM and ISSNM of the paper, on A itself and on a surrogate of it.
 //!
-//! The contact problem (1)–(3) is the minimisation of q(λ) = ½ λᵀAλ − λᵀb (8) over
-//! Λ = {λν ≥ 0, |λτ| ≤ g}, in space with discs: ‖λτ,i‖ ≤ gᵢ. Products with A are the price of everything.
+//! The contact problem (1)–(3) is the minimisation of q(λ) = ½ λᵀAλ − λᵀb (8) over Λ = {λν ≥ 0, |λτ| ≤ g}, in space with discs:
+//! ‖λτ,i‖ ≤ gᵢ. The cost is counted in products with A.
 //!
-//! **On a surrogate** (`multisecant`, the default; `docs/method.md`). All pairs (v, Av) that are known make a surrogate Ã of A
-//! (`surrogate`). Each outer step solves the whole contact problem with Aλ − b replaced by rᵏ + Ã(λ − λᵏ), for nothing
-//! (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs), and spends one product on the step that
-//! leads there. The product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
+//! **On a surrogate** (`multisecant`, the default; `docs/method.md`). All known pairs (v, Av) make a surrogate Ã of A
+//! (`surrogate`). Each outer step solves the whole contact problem with Aλ − b replaced by rᵏ + Ã(λ − λᵏ), without products
+//! (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs), and spends one product on the step to its solution. The
+//! product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
 //!
-//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q
-//! with the inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the
-//! reduced gradient (10) at the projection of the result (Step 3.4). The next sets are those of the result itself, and λ goes on
-//! from its projection, with the inactive multipliers on the bounds of these sets.
+//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q with the inactive
+//! multipliers on their bounds by conjugate gradients (Step 3), and measures the reduced gradient (10) at the projection of the
+//! result (Step 3.4). The next sets are those of the result itself, and λ continues from its projection, with the inactive
+//! multipliers on the bounds of these sets.
 //!
 //! | of the paper | where |
 //! |---|---|
@@ -25,28 +25,26 @@
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |
 //! | λ⁰, err⁰, ρ = β/σ_max | `setup` |
 //!
-//! What goes beyond the text of the paper has the same solutions, but for Coulomb's law, which the paper has not:
+//! Extensions beyond the text of the paper have the same solutions, except for Coulomb's law, which the paper does not treat:
 //!
-//! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is
-//!   rτ + κλτ = 0, so that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no
-//!   product, and CG is preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle.
-//! - **Products** made by iterations are as accurate as need be, and r follows from a u that follows λ (`products`).
+//! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is rτ + κλτ = 0, so
+//!   that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no product, and CG is
+//!   preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle.
+//! - **Products** made by iterations are only as accurate as necessary, and r is computed from a u that follows λ (`products`).
 //! - **Multipliers are scaled** (`scaling`) where the stiffness under the contact varies by more than a factor of four.
-//! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e}
-//!   (`dual::balance`). Its projection, which costs no product with A, takes the place of P_Λ everywhere, and
-//!   the multiplier of the balance that the projection of λ − ρ(Aλ − b) brings with it is ρα, α the rigid
-//!   motion: r is Aλ − b − Gᵀα with this α. So bodies cross
-//!   gaps, tip over and come to rest in the projection, the sets are always those of forces in balance, and where Λₑ is
-//!   empty that is known before the first product.
-//! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in
-//!   each Newton step, and the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised
-//!   then: of the points on the chord the one of least error is taken.
-//! - **The stop** is err ≤ ε times the largest of three errors: err⁰, what the forces do to their own nodes, and the rounding
-//!   of r divided by ε (`check`, Step 1). Beside it forces have to be as accurate as ε asks (`goal`), and the optimality
+//! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e} (`dual::balance`). Its projection,
+//!   which costs no product with A, replaces P_Λ everywhere. The multiplier of the balance in the projection of λ − ρ(Aλ − b) is
+//!   ρα, where α is the rigid-body motion: r is Aλ − b − Gᵀα with this α. So bodies cross gaps, tip over and come to rest in the
+//!   projection, the sets are always those of forces in balance, and an empty Λₑ is detected before the first product.
+//! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in each Newton step, and
+//!   the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised then: the method takes the
+//!   point of least error on the chord.
+//! - **The stop** is err ≤ ε times the largest of three errors: err⁰, the effect of the forces on their own nodes, and the rounding
+//!   of r divided by ε (`check`, Step 1). In addition, forces have to be as accurate as ε requires (`goal`), and the optimality
 //!   conditions are checked against K.
-//! - **Numbers** that are neither the paper's nor the user's stand in one table (`numbers`).
-//! - **Safeguards.** Under given bounds q falls in each step on the surrogate as far as products are exact, by the minimum
-//!   on the chord; the algorithms as printed are made to converge by projected gradient steps (`safeguard`).
+//! - **Numbers** that come neither from the paper nor from the user are in one table (`numbers`).
+//! - **Safeguards.** Under given bounds q decreases in each step on the surrogate, by the minimum on the chord, as far as products
+//!   are exact; the algorithms as printed are made to converge by projected gradient steps (`safeguard`).
 
 mod check;
 mod face;
@@ -87,8 +85,8 @@ use std::time::Instant;
 
 /// The violation of the optimality conditions that `converged` allows, relative to ε.
 pub(crate) const MET: f64 = 10.0;
-/// To rounding, as far as solvers get: the residual of the inner problems in Algorithm SSNM relative to err⁰, the error of
-/// its products by PCG, and the residual of a u that nothing is to be gained from making more accurate.
+/// Exact up to rounding, as far as solvers reach: the residual of the inner problems in Algorithm SSNM relative to err⁰,
+/// the error of its products by PCG, and the residual below which a more accurate u gains nothing.
 const EXACT: f64 = 1e-12;
 
 /// Solves the problem from λ⁰ = 0: [`solve_from`].
@@ -104,14 +102,14 @@ pub fn solve<const D: usize, K>(
     solve_from(WarmStart::default(), problem, dual, settings, observer)
 }
 
-/// Solves the problem with a dual operator that was made for it, or for one with the same K, N and T: load and gap are
-/// handed to the operator with each request.
+/// Solves the problem with a dual operator made for it, or for one with the same K, N and T: load and gap are passed to the
+/// operator with each request.
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///
 /// # Errors
-/// If a setting makes no sense, if the start or the operator is that of a problem of another size, or if the operator fails;
-/// the error keeps λ and the steps made. To be stopped or not to converge is no error but a [`Status`].
+/// If a setting is invalid, if the start or the operator has another size than the problem, or if the operator fails; the
+/// error keeps λ and the steps made. A solve that is stopped or does not converge is not an error but has a [`Status`].
 pub fn solve_from<const D: usize, K>(
     mut start: WarmStart,
     problem: &ContactProblem<D, K>,
@@ -133,7 +131,7 @@ pub fn solve_from<const D: usize, K>(
     let dual = Scaled::new(problem, dual, settings.numbers.scaling);
     let first = Start::new(problem, &dual);
     let (imbalance, mechanism) = (first.imbalance.clone(), first.mechanism.clone());
-    // What no contact can balance of the load is left out of it, so that there is a u under the rest.
+    // The part of the load that no contact can balance is left out, so that a u exists for the rest.
     let held = &problem.under(first.held(problem));
     let SetUp {
         mut newton,
@@ -144,8 +142,8 @@ pub fn solve_from<const D: usize, K>(
     } = SetUp::new(held, dual, first, settings, &start, recycled, begin);
 
     let outcome = outcome.and_then(|()| match settings.method {
-        // Known before the first step. The rest of the load is on the edge of what can be balanced, often by forces that
-        // no contact comes to: its solution would say nothing more.
+        // This is known before the first step. The rest of the load is on the boundary of the loads that can be
+        // balanced, often by forces that no contact reaches: its solution would say nothing more.
         _ if !imbalance.is_empty() => Ok(Status::NotHeld),
         Method::Multisecant => newton.run_multisecant(&mut way, settings, &mut observer),
         _ => newton.run_as_printed(&mut way, settings, &mut observer),

@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 pub const SIZES: [usize; 7] = [1, 3, 5, 7, 9, 11, 13];
 /// The five values of β of the columns.
 pub const BETAS: [f64; 5] = [0.05, 1.0, 1.9, 20.0, 100.0];
-/// The tolerance ε that we take; the paper does not say its own.
+/// Our tolerance ε; the paper does not give its own.
 pub const TOLERANCE: f64 = 1e-4;
 
 /// (iter, n_A) of the paper, a row per size, a column per β.
@@ -24,7 +24,7 @@ pub const PAPER: [[(usize, usize); 5]; 7] = [
     [(10, 59), (10, 59), (10, 59), (10, 61), (10, 56)],
 ];
 
-/// What the table assumes, since the paper does not say.
+/// Assumptions of the table that the paper does not give.
 pub const ASSUMPTIONS: &str = "\
 The paper gives n, m, β, iter and n_A. Assumed here: E = 21.19e10 Pa, ν = 0.277, plane strain, bilinear \
 squares; top traction (0, −6e7 − (1/3)e7·x) Pa, right-side traction (2e7, 4e7 − 2e7·y) Pa, zero gap, \

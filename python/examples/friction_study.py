@@ -28,7 +28,7 @@ for mu in coefficients:
 print("products with A:", products)
 carried = np.abs(carried)
 assert carried[0] < 1e-6 and np.all(np.diff(carried) > -1e-3 * carried.max())
-# From the second solve on they know what those before have found out.
+# From the second solve on they profit from the products of earlier ones.
 assert np.mean(products[1:]) < products[0]
 
 # %% The plot

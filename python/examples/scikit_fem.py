@@ -1,6 +1,7 @@
 """A model of scikit-fem with contact: its mesh, its stiffness matrix, its load; contact from here.
 
-A half disc of radius 1 is pressed on a rigid plane. Beside the arrays of the solution stands Hertz's formula for cylinders.
+A half disc of radius 1 is pressed on a rigid plane. The arrays of the solution are printed beside Hertz's formula for
+cylinders.
 """
 
 import numpy as np
@@ -50,7 +51,7 @@ solution = problem.solve(check=True)
 u = solution.u
 print(solution)
 
-# %% All of the force arrives, and the contact is as wide as Hertz says
+# %% The whole force arrives, and the contact has the width of Hertz's theory
 force = solution.lambda_normal.sum()
 half_width = np.abs(mesh.p[0, touching[solution.lambda_normal > 0]]).max()
 hertz = np.sqrt(4 * FORCE * RADIUS * (1 - POISSON**2) / (np.pi * YOUNG))

@@ -1,13 +1,13 @@
 """Contact with friction between elastic bodies, and between bodies and rigid obstacles.
 
-Three doors lead to a :class:`Solution`:
+Three ways lead to a :class:`Solution`:
 
-- matrices of your own: :func:`solve` in one call, :class:`Problem` for many right-hand sides; :func:`solve_delassus` where the
-  Delassus operator W is at hand, :mod:`signorini.fclib` for files of such problems;
-- a :class:`Model` on a :class:`Mesh`: what a case file says, with keyword arguments in place of its keys;
+- matrices of your own: :func:`solve` in one call, :class:`Problem` for many right-hand sides; :func:`solve_delassus` for a
+  given Delassus operator W, :mod:`signorini.fclib` for files of such problems;
+- a :class:`Model` on a :class:`Mesh`: the tables of a case file, with keyword arguments as its keys;
 - a case file: ``Case.read("press.toml").solve()``.
 
-Units are yours as long as they are consistent. What takes long lets other threads work, and Ctrl-C is heard.
+Any consistent units will do. Long computations let other threads work, and Ctrl-C interrupts them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# Where each name stands: NumPy, and the solver itself, are loaded with the first that is used.
+# The module of each name: NumPy and the solver itself are loaded with the first one used.
 _HOMES = {
     "Case": "_problem",
     "Contact": "_solution",

@@ -1,4 +1,4 @@
-"""What users hand over as arrays, in the form that the solver reads."""
+"""Arrays of users, in the form that the solver reads."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Sparse: TypeAlias = tuple[int, int, bool, NDArray[Any], NDArray[Any], Floats]
 
 
 def unmasked(name: str, value: Any) -> None:
-    """Refuse a masked array: what is behind the mask is no value."""
+    """Refuse a masked array: masked entries have no value."""
     if isinstance(value, np.ma.MaskedArray):
-        raise ValueError(f"{name}: masked arrays have entries without a value; hand over value.filled(…) or value.compressed()")
+        raise ValueError(f"{name}: masked arrays have entries without a value; pass value.filled(…) or value.compressed()")
 
 
 def floats(name: str, value: ArrayLike) -> Floats:
-    """Real numbers as contiguous float64; the same array where it is that already."""
+    """Real numbers as contiguous float64; the same array if it is so already."""
     unmasked(name, value)
     try:
         array = np.asarray(value)
@@ -31,7 +31,7 @@ def floats(name: str, value: ArrayLike) -> Floats:
 
 
 def vector(name: str, value: ArrayLike, length: int | None = None) -> Floats:
-    """A vector; where its length is known, a number stands for all entries."""
+    """A vector; if its length is known, a number is repeated for all entries."""
     array = floats(name, value)
     if array.ndim == 0 and length is not None:
         return np.full(length, float(array))
@@ -62,7 +62,7 @@ def integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
 
 
 def flags(name: str, value: ArrayLike, length: int) -> list[bool]:
-    """Yes or no for each of so many."""
+    """A list of so many booleans."""
     unmasked(name, value)
     array = np.asarray(value)
     if array.dtype.kind != "b" or array.shape != (length,):
@@ -71,7 +71,7 @@ def flags(name: str, value: ArrayLike, length: int) -> list[bool]:
 
 
 def sparse(name: str, matrix: Any) -> Sparse:
-    """A matrix of SciPy, or one like it, or a dense one, in compressed rows or columns: nothing is copied that fits."""
+    """A matrix of SciPy, a similar one, or a dense one, in compressed rows or columns, copied only if necessary."""
     if hasattr(matrix, "to_scipy_sparse"):
         matrix = matrix.to_scipy_sparse()
     if not hasattr(matrix, "tocsr"):
@@ -88,7 +88,7 @@ def sparse(name: str, matrix: Any) -> Sparse:
     if starts.dtype != indices.dtype or starts.dtype not in (np.int32, np.int64):
         starts, indices = starts.astype(np.int64), indices.astype(np.int64)
     values = vector(name, matrix.data)
-    # There may be room left behind the last entry.
+    # The arrays may be longer than the last entry.
     if len(starts) and 0 <= starts[-1] < min(len(indices), len(values)):
         indices, values = indices[: starts[-1]], values[: starts[-1]]
     starts, indices = np.ascontiguousarray(starts), np.ascontiguousarray(indices)

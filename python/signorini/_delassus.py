@@ -1,4 +1,4 @@
-"""Contacts whose Delassus operator is known itself: velocities u = W r + q at impulses r."""
+"""Contacts with a given Delassus operator: velocities u = W r + q at impulses r."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ class DelassusSolution:
     status : str
         "converged", "iteration_limit", "stagnated", "time_limit", "interrupted".
     natural_map : float
-        ‖r − P(r − (u + μ ‖u_t‖ n))‖ / ‖q‖ with the projection P on the cones ‖r_t‖ ≤ μ r_n: what Siconos and FCLIB measure by.
+        ‖r − P(r − (u + μ ‖u_t‖ n))‖ / ‖q‖ with the projection P on the cones ‖r_t‖ ≤ μ r_n: the measure of Siconos and
+        FCLIB.
     kkt : Kkt
-        The optimality conditions, each relative to its own size, in whatever units.
+        The optimality conditions, each relative to its own scale, in any units.
     iterations, products : int
         Outer steps; products with W.
     """
@@ -53,7 +54,7 @@ class DelassusSolution:
 
     @property
     def converged(self) -> bool:
-        """Whether the accuracy that was asked for is reached, and checked."""
+        """Whether the requested accuracy was reached, and checked."""
         return self.status == "converged"
 
     def __repr__(self) -> str:
@@ -69,7 +70,7 @@ def natural_map(impulses: Floats, velocities: Floats, friction: Floats) -> float
     slid[:, 0] += friction * np.linalg.norm(velocities[:, 1:], axis=1)
     moved = impulses - slid
     normal, along = moved[:, 0], np.linalg.norm(moved[:, 1:], axis=1)
-    # Within the cone a point is its own projection, within the polar cone that is the tip; others go to the edge.
+    # Within the cone a point is its own projection, within the polar cone the tip is; other points go to the edge.
     edge = (normal + friction * along) / (1.0 + friction**2)
     inside, tip = along <= friction * normal, friction * along <= -normal
     scale = np.divide(friction * edge, along, out=np.zeros_like(along), where=along > 0.0)
@@ -94,14 +95,14 @@ def solve_delassus(
 ) -> DelassusSolution:
     """Solve for the impulses r of m contacts with Coulomb friction whose velocities are u = W r + q.
 
-    u_n ≥ 0, r_n ≥ 0 and u_n r_n = 0; ‖r_t‖ ≤ μ r_n, and where a contact slides, r_t opposes u_t with all of that. W may be
-    semidefinite, as it is where there are more contacts than motions: velocities are unique in more cases than impulses.
+    u_n ≥ 0, r_n ≥ 0 and u_n r_n = 0; ‖r_t‖ ≤ μ r_n, and where a contact slides, r_t opposes u_t and ‖r_t‖ = μ r_n. W may be
+    semidefinite, as it is with more contacts than motions: velocities are unique in more cases than impulses.
 
     Parameters
     ----------
     W : sparse or dense matrix, (d m, d m), or callable
-        The Delassus operator, symmetric and positive semidefinite; a function has W x for a vector x, and so has a
-        ``LinearOperator`` of SciPy.
+        The Delassus operator, symmetric and positive semidefinite; a callable, or a ``LinearOperator`` of SciPy, returns W x
+        for a vector x.
     q : array_like, (d m,) or (m, d)
         The velocities without impulses.
     friction : array_like, (m,), or float
@@ -109,10 +110,11 @@ def solve_delassus(
     dimension : 2 or 3
         d.
     order : {"interleaved", "blocks"}
-        Of rows of W and of q: normal, tangential entries, contact by contact; or those of all normals first, then the
+        Of rows of W and of q: normal, tangential entries, contact by contact; or all normal entries first, then the
         tangential ones contact by contact.
     diagonal : array_like, (d m,), or float; optional
-        That of a callable W, or what it is about: it makes the contacts comparable. Left out, some products estimate its mean.
+        The diagonal of a callable W, or an estimate: it makes the contacts comparable. Without it, some products estimate
+        its mean.
     tolerance, callback, progress, check, **settings
         As of `Problem.solve`.
 
@@ -123,9 +125,9 @@ def solve_delassus(
     Raises
     ------
     ValueError
-        If an argument makes no sense.
+        If an argument is invalid.
     SolveError
-        With `check`, if the solve does not converge; `error.solution` has what was reached.
+        With `check`, if the solve does not converge; `error.solution` has the result so far.
 
     Warns
     -----
@@ -142,14 +144,14 @@ def solve_delassus(
     array([[ 0.5 , -0.25,  0.  ]])
     """
     if dimension not in (2, 3):
-        raise ValueError(f"dimension: it is 2 or 3, not {dimension!r}")
+        raise ValueError(f"dimension: must be 2 or 3, not {dimension!r}")
     if order not in ("interleaved", "blocks"):
-        raise ValueError(f"order: it is \"interleaved\" or \"blocks\", not {order!r}")
+        raise ValueError(f"order: must be \"interleaved\" or \"blocks\", not {order!r}")
     known_settings(settings, solve_delassus)
     free = _arrays.floats("q", q).ravel()
     m, rest = divmod(len(free), dimension)
     if rest:
-        raise ValueError(f"q: {len(free)} entries are no multiple of dimension = {dimension}")
+        raise ValueError(f"q: {len(free)} entries are not a multiple of dimension = {dimension}")
     mu = _arrays.vector("friction", friction, m)
     place = np.arange(len(free))
     if order == "blocks":
@@ -167,7 +169,7 @@ def solve_delassus(
         scale = scale[place] if np.ndim(diagonal) else scale
     else:
         if diagonal is not None:
-            raise ValueError("diagonal: a matrix has its own; leave it out")
+            raise ValueError("diagonal: W is a matrix and has its own diagonal; leave it out")
         matrix, scale = _matrix(W, len(free), place)
     bar = Bar(tolerance) if progress else None
     heard = callback is not None or bar is not None or LOG.isEnabledFor(20)
@@ -215,7 +217,7 @@ def _product(times: Callable[[Floats], ArrayLike], place: NDArray[np.int64]) -> 
         of_user[place] = x
         made = _arrays.floats("W", times(of_user)).ravel()
         if len(made) != len(x):
-            raise ValueError(f"W: of a vector with {len(x)} entries it makes one with {len(made)}")
+            raise ValueError(f"W: it returns a vector with {len(made)} entries for one with {len(x)}")
         return np.ascontiguousarray(made[place])
 
     return product
@@ -236,14 +238,14 @@ def _matrix(W: Any, n: int, place: NDArray[np.int64]) -> tuple[_arrays.Sparse, F
         i, j = j, i
     order = np.lexsort((j, i))
     i, j, values = i[order], j[order], values[order]
-    # Entries that stand several times add up.
+    # Repeated entries add up.
     key = i * n + j
     first = np.flatnonzero(np.diff(key, prepend=-1))
     i, j, key = i[first], j[first], key[first]
     values = np.add.reduceat(values, first) if len(first) else values
     diagonal = np.zeros(n)
     diagonal[i[i == j]] = values[i == j]
-    # The mirror of each entry: as keys are sorted, a search finds it.
+    # The mirror of each entry: a search finds it, because keys are sorted.
     at = np.minimum(np.searchsorted(key, j * n + i), max(len(key) - 1, 0))
     mirror = np.where(key[at] == j * n + i, values[at], 0.0) if len(key) else values
     off = np.abs(values - mirror)

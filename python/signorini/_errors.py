@@ -6,7 +6,7 @@ __all__ = ["ModelError", "NotConvergedWarning", "SolveError"]
 
 
 class NotConvergedWarning(UserWarning):
-    """A solve has stopped without convergence; ``status`` of the solution says how."""
+    """A solve has stopped without convergence; ``status`` of the solution gives the reason."""
 
 
 NotConvergedWarning.__module__ = "signorini"

@@ -1,4 +1,4 @@
-"""Meshes: read, made, and of arrays of other programs."""
+"""Meshes: from files, made here, or from arrays of other programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _native, _toml
 from ._native import ModelError
 
-# meshio's name of each kind, whose nodes stand in the same order there, as in VTK.
+# meshio's name of each kind; its nodes have the same order there, that of VTK.
 MESHIO = {
     "tri3": "triangle",
     "tri6": "triangle6",
@@ -32,9 +32,9 @@ MESHIO = {
 }
 KINDS = {name: kind for kind, name in MESHIO.items()} | {kind: kind for kind in MESHIO}
 PLANE = {"tri3", "tri6", "quad4", "quad8", "quad9"}
-# The corners of a wedge in an order in which those of each of its faces go around it.
+# The corners of a wedge in an order in which those of each face go around that face.
 _AROUND_WEDGE = (0, 1, 2, 5, 4, 3)
-# What bounds elements of the plane, and of space.
+# The facets of elements in the plane, and in space.
 FACETS = {2: {"line": 2, "line3": 3}, 3: {"triangle": 3, "quad": 4, "triangle6": 6, "quad8": 8, "quad9": 9}}
 
 
@@ -44,19 +44,19 @@ class Mesh:
     Parameters
     ----------
     points : array_like, (n, d)
-        Coordinates of the nodes. Those that no element uses are left out: `Mesh.points` has the rest.
+        Coordinates of the nodes. Unused nodes are dropped: `Mesh.points` has the rest.
     cells : dict or list of pairs
         Elements by kind: nodes in VTK's order, (k, nodes of the kind), under names of meshio ("triangle", "tetra10", …) or
         of case files ("tri3", "tet10", …).
     regions : dict or array_like; optional
-        The elements of each region by name, numbered through all of `cells`; regions may overlap, and what is in none is
-        "unnamed". Or a name for each element. Left out: all of them are "body".
+        The elements of each region by name, numbered through all of `cells`; regions may overlap, and elements in none are
+        "unnamed". Or a name for each element. Default: all of them are "body".
     boundaries : dict; optional
         By name the facets of each boundary, (k, nodes), in the plane edges, in space faces (corners are enough), or a list of
         such arrays; or the numbers of nodes, (k,): the outer facets that have all of their corners among them.
     node_sets : dict; optional
-        By name the numbers of nodes, (k,), for what acts on nodes one by one. A set is a boundary, too, as far as outer facets
-        have all of their corners in it.
+        By name the numbers of nodes, (k,), for loads and supports of single nodes. The outer facets with all of their
+        corners in a set also form a boundary of its name.
 
     Warns
     -----
@@ -66,7 +66,7 @@ class Mesh:
     Raises
     ------
     ModelError
-        If no mesh comes of it: the text names the element or the boundary.
+        If the mesh is invalid: the text names the element or the boundary.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Mesh:
         arrays: list[tuple[str, NDArray[np.int64]]] = []
         for name, nodes in pairs:
             if name not in KINDS:
-                raise ModelError(f"cells: no elements are called {name!r}; there are {', '.join(MESHIO.values())}")
+                raise ModelError(f"cells: there are no elements {name!r}; the kinds are {', '.join(MESHIO.values())}")
             of_kind = _arrays.integers("cells", nodes)
             if of_kind.ndim != 2:
                 raise ModelError(f"cells: {name!r} needs a row for each element, found shape {of_kind.shape}")
@@ -103,7 +103,7 @@ class Mesh:
                 raise ModelError(f"boundaries: {name!r} needs an array of facets or of nodes")
         sets = {name: _arrays.integers(f"node_sets, {name!r}", nodes).ravel() for name, nodes in (node_sets or {}).items()}
         for name in sets.keys() & by_nodes.keys():
-            raise ModelError(f"node_sets: {name!r} is also a boundary of nodes; one of both is enough")
+            raise ModelError(f"node_sets: {name!r} is also a boundary of nodes; keep one of them")
         self._native = _native.Mesh.of_arrays(
             _arrays.table("points", points), arrays, numbers, names, groups, facets, sets | by_nodes, list(by_nodes), []
         )
@@ -134,27 +134,27 @@ class Mesh:
         scale : float; optional
             Factor for the coordinates, such as 1e-3 for a drawing in millimetres.
         cell_data : str; optional
-            The cell array of a ``.vtu`` file that tells regions and boundaries apart.
+            The cell array of a ``.vtu`` file that distinguishes regions and boundaries.
         order : {1, 2}; optional
-            2 gives elements of first order nodes in the middle of their sides, 1 leaves those out.
+            2 adds midside nodes to elements of first order, 1 drops them.
 
         Raises
         ------
         OSError
             If the file cannot be read.
         ModelError
-            If no mesh comes of it; the text names the line.
+            If the file gives no valid mesh; the text names the line.
         """
         entries = {"file": os.fspath(path), "scale": scale, "cell_data": cell_data, "order": order}
         return cls._of(_native.Mesh.stated(_toml.table("[mesh]", entries)))
 
     @classmethod
     def from_meshio(cls, mesh: Any, *, regions: str | None = None) -> Mesh:
-        """A mesh of meshio: cells of the highest dimension are the bodies, those of one less their boundaries.
+        """A mesh of meshio: cells of the highest dimension are the bodies, those one dimension lower their boundaries.
 
-        Cell sets are regions or boundaries under their names, and so are Gmsh's physical groups; point sets are sets of nodes,
-        as far as no boundary has their name. `regions` names an array of ``cell_data`` whose values tell regions and boundaries
-        apart, in place of cell sets and groups.
+        Cell sets are regions or boundaries under their names, and so are Gmsh's physical groups; point sets are sets of
+        nodes, unless a boundary has their name. `regions` names an array of ``cell_data`` whose values distinguish regions
+        and boundaries, instead of cell sets and groups.
         """
         kinds = {block.type for block in mesh.cells}
         dim = 3 if any(KINDS.get(name, "") in set(MESHIO) - PLANE for name in kinds) else 2
@@ -194,7 +194,7 @@ class Mesh:
             kind = KINDS.get(block.type)
             if block.dim == dim:
                 if kind is None:
-                    raise ModelError(f"cells: {block.type!r} is no element that is supported")
+                    raise ModelError(f"cells: {block.type!r} is not a supported element")
                 first[number] = count
                 cells.append((block.type, block.data))
                 count += len(block.data)
@@ -219,22 +219,22 @@ class Mesh:
     def from_skfem(cls, mesh: Any, boundaries: Mapping[str, Any] | None = None) -> Mesh:
         """A mesh of scikit-fem, with its subdomains as regions and its boundaries.
 
-        `boundaries` has others, by name: what scikit-fem takes for facets (their numbers, a function of the place), as
-        ``mesh.with_boundaries`` does.
+        `boundaries` adds others by name, in the form that ``mesh.with_boundaries`` takes: numbers of facets, or a function
+        of the place.
         """
         from skfem.io.meshio import to_meshio
 
         kind = type(mesh).__name__
         if kind.endswith("DG"):
             raise ModelError(
-                f"elements of a {kind} share no nodes, so no body holds together: hand over the continuous mesh that it was made of"
+                f"elements of a {kind} share no nodes, so no body holds together: pass the continuous mesh that it was made from"
             )
         if boundaries is not None:
             mesh = mesh.with_boundaries(boundaries)
         try:
             plain = to_meshio(mesh)
         except KeyError:
-            raise ModelError(f"a {kind} is no mesh that is supported; hand over its points and cells, as Mesh(points, cells)") from None
+            raise ModelError(f"a {kind} is not a supported mesh; pass its points and cells, as Mesh(points, cells)") from None
         blocks = [block for block in plain.cells if block.type in KINDS]
         points = np.asarray(plain.points, dtype=np.float64)[:, : mesh.dim()]
         regions = {name: np.asarray(of) for name, of in (mesh.subdomains or {}).items() if not name.startswith("skfem:")}
@@ -245,7 +245,7 @@ class Mesh:
             numbers = np.asarray(of, dtype=np.int64)
             rows = np.asarray(mesh.facets).T[numbers]
             if kind.startswith("MeshWedge"):
-                # There corners of a facet are sorted, and those of a triangle stand there with one of them twice.
+                # Corners of a facet are sorted there, and a triangle repeats one of its corners.
                 elements = np.asarray(mesh.t).T[np.asarray(mesh.f2t)[0, numbers]]
                 inside = [np.isin(element, row) for element, row in zip(elements, rows)]
                 faces = [element[[k for k in _AROUND_WEDGE if of_it[k]]] for element, of_it in zip(elements, inside)]
@@ -256,10 +256,10 @@ class Mesh:
 
     @classmethod
     def join(cls, parts: Mapping[str, Mesh], shift: Mapping[str, Sequence[float]] | None = None) -> Mesh:
-        """Several meshes side by side, which share no node.
+        """Several meshes in one, without common nodes.
 
-        Boundaries of the part "punch" are called ``punch-left`` …, and its regions ``punch-NAME``, or ``punch`` where there is
-        one alone that is called "body". `shift` has what is added to the coordinates of a part.
+        Boundaries of the part "punch" are called ``punch-left`` …, and its regions ``punch-NAME``, or ``punch`` if "body" is
+        the only one. `shift` has vectors to add to the coordinates of parts.
         """
         placed = []
         for name, part in parts.items():
@@ -308,16 +308,16 @@ class Mesh:
 
     @property
     def notes(self) -> list[str]:
-        """What of a file or of arrays was not taken as it was stated."""
+        """Entries of a file or of arrays that were ignored or read differently."""
         return self._native.notes()
 
     def facets(self, name: str) -> list[NDArray[np.uint32]]:
-        """The facets of a boundary: an array, (k, nodes), for each number of nodes that they have."""
+        """The facets of a boundary: an array, (k, nodes), for each number of nodes per facet."""
         return self._native.boundaries()[name]
 
     @property
     def n_bodies(self) -> int:
-        """How many bodies there are: parts that share no node."""
+        """The number of bodies: parts that share no node."""
         return self._native.n_bodies
 
     def __repr__(self) -> str:
@@ -397,7 +397,7 @@ def rectangle(
     shape : {"quad", "triangle"}; optional
     order : {1, 2}; optional
     map : two expressions; optional
-        Where the point (x, y) goes, such as ``["x", "y + 0.1*x^2"]``.
+        The new position of the point (x, y), such as ``["x", "y + 0.1*x^2"]``.
     """
     return _structured("rectangle", order, size=size, cells=cells, origin=origin, shape=shape, map=map)
 
@@ -422,7 +422,7 @@ def box(
     shape : {"hexahedron", "tetrahedron", "wedge"}; optional
     order : {1, 2}; optional
     map : three expressions; optional
-        Where the point (x, y, z) goes.
+        The new position of the point (x, y, z).
     """
     return _structured("box", order, size=size, cells=cells, origin=origin, shape=shape, map=map)
 

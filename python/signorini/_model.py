@@ -1,4 +1,4 @@
-"""Models: what a case file says of bodies, said in Python."""
+"""Models: the tables of a case file for bodies, in Python."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ._mesh import Mesh
 from ._problem import Problem, _built
 from ._solution import Solution
 
-# A number, an expression of x, y (and z), a value for each node, or what gives these at the nodes, (n, d).
+# A number, an expression of x, y (and z), a value for each node, or a function of the nodes (n, d).
 Quantity: TypeAlias = float | str | Sequence[float] | NDArray[Any] | Callable[[NDArray[np.float64]], Any]
 Names: TypeAlias = str | Sequence[str]
 
 
 class Model:
-    """Elastic bodies in contact: a mesh, and what is said of it.
+    """Elastic bodies in contact: a mesh and its model.
 
-    Keyword arguments are the keys of case files (docs/case-file.md says what each means; ``name`` is one of most), and each method returns the model,
-    so that calls may be chained. What is wrong with an argument by itself is told at once, what depends on the mesh when the
-    model is built.
+    Keyword arguments are the keys of case files (explained in docs/case-file.md; most have ``name``), and each method
+    returns the model, so that calls may be chained. A fault of an argument by itself is reported at once, a fault that
+    depends on the mesh when the model is built.
 
     A *quantity* is a number; an expression such as ``"-2e7 * (1 - x / 1.5)"``; an array with a value for each row of
     ``mesh.points``; or a function that is called once with these points, (n, d), and returns such an array or a number.
@@ -45,14 +45,14 @@ class Model:
         self._once: dict[str, dict[str, Any]] = {}
 
     def add(self, table: str, **entries: Any) -> Model:
-        """Add a table of a case file that may stand there several times, such as ``"support"``, with its keys."""
+        """Add a table of a case file that may occur several times, such as ``"support"``, with its keys."""
         made = {name: self._entry(name, value) for name, value in entries.items() if value is not None}
         _native.check_tables(_toml.table(f"[[{_toml.key(table)}]]", made), self.mesh.dim)
         self._tables.append((table, made))
         return self
 
     def _say(self, table: str, **entries: Any) -> Model:
-        """Say, or say anew, what stands once in a case file."""
+        """Set, or set again, a table that occurs once in a case file."""
         made = {name: self._entry(name, value) for name, value in entries.items() if value is not None}
         made = self._once.get(table, {}) | made
         _native.check_tables(_toml.table(f"[{_toml.key(table)}]", made), self.mesh.dim)
@@ -60,7 +60,7 @@ class Model:
         return self
 
     def _entry(self, name: str, value: Any) -> Any:
-        """A value with the functions of the place in it replaced by what they give at the nodes."""
+        """A value with its functions of the place replaced by their values at the nodes."""
         if isinstance(value, Mapping):
             return {key: self._entry(f"{name}.{key}", one) for key, one in value.items()}
         if not callable(value):
@@ -90,7 +90,8 @@ class Model:
         expansion: float | None = None,
         **more: Any,
     ) -> Model:
-        """Give a region, several, or all, their material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³, `expansion` in 1/K."""
+        """Give a region, several regions or all of them a material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³,
+        `expansion` in 1/K."""
         entries: dict[str, Any] = {"young": young, "poisson": poisson, "density": density}
         entries |= {"incompressible": incompressible, "incompatible_modes": incompatible_modes, "expansion": expansion}
         return self.add("material", region=region, **entries, **more)
@@ -112,8 +113,8 @@ class Model:
         factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Prescribe displacements in m on boundaries, on sets of `nodes`, or at the node nearest to a `point`; what is left out
-        is free."""
+        """Prescribe displacements in m on boundaries, on sets of `nodes`, or at the node nearest to a `point`; omitted
+        directions are free."""
         along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
         where = {"boundary": boundary, "nodes": nodes, "point": point}
         return self.add("support", **where, **along, symmetry=symmetry, factors=factors, **more)
@@ -176,7 +177,7 @@ class Model:
         factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Add forces in N/m³ in a region, or in all."""
+        """Add forces in N/m³ in a region, or in all of them."""
         return self.add("body_force", region=region, x=x, y=y, z=z, factors=factors, **more)
 
     def temperature(
@@ -187,7 +188,7 @@ class Model:
         factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Say how much warmer a region, or all, is in K than when it was free of stress."""
+        """Set by how many K a region, or all of them, is warmer than in its stress-free state."""
         return self.add("temperature", value=value, region=region, factors=factors, **more)
 
     def contact(
@@ -208,21 +209,21 @@ class Model:
         friction_factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Let a boundary, which carries the contact forces, meet another one or a rigid obstacle.
+        """Add contact of a boundary, which carries the contact forces, with another one or a rigid obstacle.
 
         Parameters
         ----------
         boundary, against : str or list of str
         obstacle : dict; optional
-            In place of `against`, such as ``{"half_plane": {"point": [0, 0], "normal": [0, 1]}}``.
+            Instead of `against`, such as ``{"half_plane": {"point": [0, 0], "normal": [0, 1]}}``.
         friction : dict; optional
             ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each.
         gap, interference : quantity; optional
-            In m, in place of the distance of the meshes.
+            In m, instead of the distance of the meshes.
         overlap : {"interference"}; optional
-            That an overlap of the meshes is meant.
+            An overlap of the meshes is intended and pressed apart.
         stiffness : dict; optional
-            ``{"normal": 1e12, "tangential": 1e11}`` in Pa/m, if the contact itself gives way; a quantity each.
+            ``{"normal": 1e12, "tangential": 1e11}`` in Pa/m, for compliant contact; a quantity each.
         adjust, edge_angle, search_distance : float; optional
         active, friction_factors : list of float; optional
             One for each load step: 1 or, where it has no effect, 0; what the bound or the coefficient of friction is multiplied by.
@@ -248,7 +249,7 @@ class Model:
         return self.add("tie", boundary=boundary, against=against, **entries, **more)
 
     def equal(self, sets: Names, *, directions: Names | None = None, **more: Any) -> Model:
-        """Let all nodes of a set move alike, along these axes (all if left out); of several sets each by itself."""
+        """Make all nodes of a set move alike, along these axes (default: all); several sets move independently."""
         return self.add("equal", sets=sets, directions=directions, **more)
 
     def spring(
@@ -268,7 +269,7 @@ class Model:
         return self.add("spring", **where, stiffness=stiffness, direction=direction, **more)
 
     def steps(self, factors: Sequence[float]) -> Model:
-        """Make load steps: what loads and prescribed displacements are multiplied by in each, one after another."""
+        """Make load steps: the factor of loads and prescribed displacements in each, in order."""
         return self._say("steps", factors=factors)
 
     def analysis(
@@ -280,24 +281,25 @@ class Model:
         rotation: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> Model:
-        """Say "plane_strain", "plane_stress" or "axisymmetric", the thickness in m, gravity in m/s², and a rotation about an axis."""
+        """Set "plane_strain", "plane_stress" or "axisymmetric", the thickness in m, gravity in m/s², and a rotation about an
+        axis."""
         entries: dict[str, Any] = {"plane": plane, "thickness": thickness, "gravity": gravity, "rotation": rotation}
         return self._say("analysis", **entries, **more)
 
     def units(self, *, length: str | None = None, force: str | None = None) -> Model:
-        """Say what reports call lengths and forces; nothing is converted."""
+        """Set the names of lengths and forces in reports; nothing is converted."""
         return self._say("units", length=length, force=force)
 
     def solver(self, **settings: Any) -> Model:
-        """Say the keys of ``[solver]`` that solves of this model begin with."""
+        """Set the keys of ``[solver]``, the defaults for solves of this model."""
         return self._say("solver", **settings)
 
     @property
     def toml(self) -> str:
-        """What a case file says in place of the model, without its mesh."""
+        """The model as the text of a case file, without its mesh."""
         head = _toml.table("", {"title": self.title or None}).lstrip()
         once = [_toml.table(f"[{_toml.key(name)}]", entries) for name, entries in self._once.items()]
-        # Tables of one kind have to stand together.
+        # Tables of one kind must be adjacent.
         kinds = dict.fromkeys(name for name, _ in self._tables)
         listed = [
             _toml.table(f"[[{_toml.key(kind)}]]", entries)
@@ -313,7 +315,7 @@ class Model:
         Raises
         ------
         ModelError
-            If the model cannot be meant: the text names the part.
+            If the model is inconsistent: the text names the part.
         """
         return _built(self.mesh, self.toml)
 
@@ -326,4 +328,4 @@ class Model:
         for name, _ in self._tables:
             counts[name] = counts.get(name, 0) + 1
         said = ", ".join(f"{count} × {name}" for name, count in counts.items())
-        return f"<Model on {self.mesh!r}: {said or 'nothing said yet'}>"
+        return f"<Model on {self.mesh!r}: {said or 'nothing stated yet'}>"

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ._watch import Hearer
 
 class ModelError(ValueError):
-    """A mesh, a model or a case cannot be meant as it was stated; the text says what to do."""
+    """A mesh, a model or a case is inconsistent; the text gives the remedy."""
 
 class SolveError(RuntimeError):
-    """A problem could not be solved: K is singular, say, or a GPU failed.
+    """A problem could not be solved: K is singular, for example, or a GPU failed.
 
     ``solution`` has what was reached, where anything was.
     """

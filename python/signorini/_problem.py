@@ -1,4 +1,4 @@
-"""Contact problems: from matrices, from case files, and as models make them."""
+"""Contact problems: from matrices, from case files, and from models."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from ._toml import setting
 from ._watch import LOG, Bar, Hearer, Step
 
 
-# The settings of a solve that have no keyword of their own.
+# The settings of a solve without a separate keyword.
 SETTINGS = ("beta", "c_fact", "friction_tolerance", "max_iterations", "max_rounds", "method", "r_tol", "time_limit")
 
 
 def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:
-    """Refuse settings that no solve has, with the keyword of `of` that may be meant."""
+    """Refuse unknown settings, and suggest a keyword of `of`."""
     for name in settings:
         if name not in SETTINGS:
             known = [*SETTINGS, *list(inspect.signature(of).parameters)[:-1]]
@@ -38,21 +38,21 @@ def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:
 class Problem:
     """A contact problem from matrices, kept with its factor or its multigrid hierarchy.
 
-    Find u and the contact forces λν (m), λτ (m × (d − 1)) with K u + Nᵀλν + Tᵀλτ = f, N u ≤ d where λν presses, and
-    friction as Tresca's or Coulomb's law says.
+    Find u and the contact forces λν (m), λτ (m × (d − 1)) with K u + Nᵀλν + Tᵀλτ = f, N u ≤ d with pressure λν ≥ 0 only
+    where the gap is closed, and friction by Tresca's or Coulomb's law.
 
     Parameters
     ----------
     K : sparse or dense matrix, (n, n)
-        The stiffness matrix, symmetric, positive definite, or semidefinite where bodies can move as a whole (which
-        `coordinates` tell).
+        The stiffness matrix, symmetric, positive definite, or semidefinite where bodies can move as a whole (found from
+        `coordinates`).
     f : array_like, (n,)
         The load.
     normal : sparse or dense matrix, (m, n)
         N: the displacement of contact node i towards the obstacle is (N u)ᵢ.
     tangential : sparse or dense matrix, (m, n) in the plane, (2 m, n) in space; optional
         T: the displacement of contact node i along the boundary; in space rows 2 i and 2 i + 1 are those along two
-        directions at right angles. Left out, there is no friction.
+        directions at right angles. Without T there is no friction.
     gap : array_like, (m,), or float
         d: the initial gap.
     slip_bound : array_like, (m,), or float; optional
@@ -62,25 +62,25 @@ class Problem:
     coordinates : array_like, (n / d, d); optional
         The node of each d unknowns, which are ordered node by node.
     dim : 2 or 3; optional
-        The dimension; it follows from the shapes of T and `coordinates` otherwise.
+        The dimension; by default it follows from the shapes of T and `coordinates`.
     interference : bool
-        Whether entries of `gap` below 0 are meant: an overlap of what is pressed or shrunk on.
+        Whether entries of `gap` below 0 are intended: an overlap of pressed or shrunk parts.
     slip_origin : array_like, a number per row of T; optional
-        What slip is counted from.
+        The origin of slip.
     areas : array_like, (m,); optional
-        What turns forces into pressures, which are what the tolerance is about.
+        The areas that turn forces into pressures, to which the tolerance applies.
     compliance : array_like, (m + rows of T,); optional
-        The diagonal of C in m/N, in the order of λν, then λτ: the contact itself gives way by C λ.
+        The diagonal of C in m/N, in the order of λν, then λτ: the contact itself deforms by C λ.
     tied : array_like of bool, (m,); optional
         Which contact nodes hold together in every direction.
     dependent_rows : bool
-        Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one
-        facet of another.
+        Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet
+        of another.
 
     Raises
     ------
     ValueError
-        If an argument has the wrong shape or type, or entries that make no sense.
+        If an argument has the wrong shape or type, or invalid entries.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Problem:
         dependent_rows: bool = False,
     ) -> None:
         if dim not in (None, 2, 3):
-            raise ValueError(f"dim: it is 2 or 3, not {dim!r}")
+            raise ValueError(f"dim: must be 2 or 3, not {dim!r}")
         points = None if coordinates is None else _arrays.table("coordinates", coordinates)
         self._model: tuple[Any, ...] = ()
         N = _arrays.sparse("normal", normal)
@@ -140,7 +140,7 @@ class Problem:
     def _of(cls, native: _native.Problem, *model: Any) -> Problem:
         self = cls.__new__(cls)
         self._native = native
-        # The mesh and the tables that it was built of.
+        # The mesh and the tables that it was built from.
         self._model = model
         return self
 
@@ -171,7 +171,7 @@ class Problem:
 
     @property
     def contacts(self) -> list[str]:
-        """The names of the contacts, as `Solution.contacts` has them; none of a problem from matrices."""
+        """The names of the contacts, as in `Solution.contacts`; empty for a problem from matrices."""
         return contact_names(self._native.contacts())
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -189,7 +189,7 @@ class Problem:
         return self._native.contact_of_places() is not None
 
     def _friction(self, given: ArrayLike | Mapping[str, float]) -> _arrays.Floats:
-        """The coefficients of all places, from one, from one for each, or by the names of contacts."""
+        """The coefficients of all places: one for all, one for each, or by the names of contacts."""
         if not isinstance(given, Mapping):
             return _arrays.vector("friction", given, self.m)
         of_places = self._native.contact_of_places()
@@ -223,38 +223,39 @@ class Problem:
         check: bool = False,
         **settings: Any,
     ) -> Solution:
-        """Solve, on the factor or the hierarchy of the solves before where `stiffness`, `backend`, `precision`,
-        `preconditioner` and `adapter` are the same as then.
+        """Solve, reusing the factor or the hierarchy of earlier solves if `stiffness`, `backend`, `precision`,
+        `preconditioner` and `adapter` are the same.
 
-        Several threads may call it: solves of one problem wait for each other, those of several do not.
+        Several threads may call it: solves of one problem wait for each other, solves of different problems do not.
 
         Parameters
         ----------
         f, gap, slip_bound, slip_origin : array_like; optional
-            Other vectors than those that the problem was made of. For problems from matrices only: of models and cases the
-            load steps say them.
+            Vectors that replace those of the problem. Only for problems from matrices: models and cases have them in their
+            load steps.
         friction : array_like, (m,), float, or dict; optional
-            Other coefficients of friction: for all places, one for each, or by the names of contacts.
+            Coefficients of friction that replace those of the problem: one for all places, one for each, or by the names of
+            contacts.
         after : Solution; optional
-            The load step before this one: friction acts on the slip since then. For problems from matrices only.
+            The load step before this one: friction acts on the slip since then. Only for problems from matrices.
         tolerance : float; optional
-            ε; 1e-6, or what the case says.
+            ε; default: that of the case, or 1e-6.
         stiffness : {"auto", "cholesky", "pcg"}
-            How systems with K are solved.
+            The solver of the systems with K.
         backend : {"auto", "cpu", "gpu"}
-            Where to compute.
+            The device.
         precision : {"auto", "f64", "f32"}
             That of a GPU's kernels; answers are accurate to f64 in any case.
         preconditioner : {"multigrid", "block-jacobi"}
-            Of PCG.
+            The preconditioner of PCG.
         adapter : str or int; optional
             The GPU to take: a part of its name, or its number in the list of ``signorini adapters``.
         callback : callable; optional
-            Called with a `Step` after each outer step; the solve stops where it returns False.
+            Called with a `Step` after each outer step; the solve stops when it returns False.
         progress : bool
             Whether to draw a bar on standard error.
         check : bool
-            Whether not to converge is an error.
+            Whether a solve that does not converge is an error.
         **settings
             The other keys of ``[solver]`` in case files, such as ``max_iterations``; ``time_limit`` in seconds.
 
@@ -265,12 +266,12 @@ class Problem:
         Raises
         ------
         ValueError
-            If an argument makes no sense.
+            If an argument is invalid.
         SolveError
-            If the problem cannot be solved or, with `check`, does not converge; `error.solution` has what was reached, or
+            If the problem cannot be solved or, with `check`, does not converge; `error.solution` has the result so far, or
             None.
         KeyboardInterrupt
-            After Ctrl-C, as soon as the product at hand is made; `error.solution` has what was reached.
+            After Ctrl-C, as soon as the current product is finished; `error.solution` has the result so far.
 
         Warns
         -----
@@ -281,7 +282,7 @@ class Problem:
         if self._is_model():
             for name, value in vectors.items():
                 if value is not None:
-                    raise ValueError(f"{name}: what acts on a model, and in which steps, is said by the model")
+                    raise ValueError(f"{name}: a model states its own loads and load steps: change the model")
         m = self.m
         lengths = {"gap": m, "slip_bound": m, "slip_origin": (self.dim - 1) * m}
         arrays = {
@@ -296,7 +297,7 @@ class Problem:
         if "after" in arrays:
             raise ValueError("after: expected a Solution")
         if callback is not None and not callable(callback):
-            raise ValueError("callback: expected something to call, or None")
+            raise ValueError("callback: expected a callable or None")
         known_settings(settings, Problem.solve)
         keywords = {
             "tolerance": tolerance,
@@ -323,17 +324,17 @@ class Problem:
 
 
 def _built(mesh: Mesh, tables: str) -> Problem:
-    """The problem of a model: assembled again, as pickles have its mesh and its tables."""
+    """The problem of a model, assembled again from the mesh and the tables in its pickle."""
     return Problem._of(_native.build(mesh._native, tables), mesh, tables)
 
 
 def _of_parts(parts: dict[str, Any]) -> Problem:
-    """A problem from matrices that was pickled; it was checked when it was made."""
+    """A pickled problem from matrices; it was checked when it was made."""
     return Problem._of(_native.Problem.matrices(**parts, interference=True, dependent_rows=True))
 
 
 def _told(solution: Solution, check: bool) -> Solution:
-    """The solution, and a word where it has not converged."""
+    """The solution, with a warning or an error if it has not converged."""
     if solution.converged:
         return solution
     text = f"not converged: {solution.status}"
@@ -376,7 +377,7 @@ def solve(
 ) -> Solution:
     """Solve a contact problem from matrices.
 
-    Parameters are those of `Problem`, then those of `Problem.solve`, and so is what it returns and raises.
+    The parameters are those of `Problem`, then those of `Problem.solve`, as are the result and the errors.
 
     Examples
     --------
@@ -419,13 +420,13 @@ def solve(
 
 
 class Case(Problem):
-    """What a case file is about, ready to be solved; `Case.read` makes it."""
+    """The problem of a case file, ready to be solved; `Case.read` makes it."""
 
     path: Path
     _settings: dict[str, Any]
 
     def __init__(self) -> None:
-        raise TypeError("Case.read(path) makes one")
+        raise TypeError("make one with Case.read(path)")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None) -> Case:
@@ -447,7 +448,7 @@ class Case(Problem):
         OSError
             If a file cannot be read.
         ModelError
-            If the case cannot be meant; the text names the line.
+            If the case is inconsistent; the text names the line.
         """
         texts = [setting(key, value) for key, value in (settings or {}).items()]
         self = cls.__new__(cls)
@@ -457,5 +458,5 @@ class Case(Problem):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Whoever unpickles it reads the file again.
+        # Unpickling reads the file again.
         return Case.read, (self.path.absolute(), self._settings)

@@ -1,4 +1,4 @@
-"""What has come of a solve."""
+"""The result of a solve."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ HISTORY = np.dtype(
 
 
 def _nan(value: float | None) -> float:
-    """A number of a report, where what is not finite is null."""
+    """A number of a report, which has null for numbers that are not finite."""
     return float("nan") if value is None else value
 
 
 def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
-    """What contacts are called: by their names or else by their boundary, and by both where one stands in several."""
+    """The names of contacts: their own, or else their boundary, or both boundaries if the first is in several contacts."""
     boundaries = [boundary for _, boundary, _ in pairs]
     names: list[str] = []
     for own, boundary, against in pairs:
@@ -59,7 +59,7 @@ def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
 
 @dataclass(frozen=True)
 class Kkt:
-    """Violations of the optimality conditions, checked in double precision against K, each relative to its own size."""
+    """Violations of the optimality conditions, checked in double precision against K, each relative to its own scale."""
 
     equilibrium: float
     penetration: float
@@ -82,9 +82,9 @@ class Contact:
     ----------
     name, boundary, against, friction : str
     points, normals : ndarray, (k, d)
-        Where the places are, and their normals, away from the body of `boundary`.
+        The positions of the places, and their normals, away from the body of `boundary`.
     tangents : ndarray, (k, d − 1, d)
-        The directions that `traction` and `slip` are along.
+        The directions of the components of `traction` and `slip`.
     areas : ndarray, (k,)
     pressure : ndarray, (k,)
         In Pa; ≥ 0.
@@ -105,7 +105,7 @@ class Contact:
     normal_force, tangential_force : float
         In N.
     slipping_work : float
-        What friction has dissipated in the load step, in J.
+        The work that friction has dissipated in the load step, in J.
     area : float
         In contact, in m².
     """
@@ -140,7 +140,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """What a support carries at the end of a load step: `force` on the body in N, `moment` in N m about `centre`."""
+    """The reaction of a support at the end of a load step: `force` on the body in N, `moment` in N m about `centre`."""
 
     name: str
     force: Floats
@@ -171,7 +171,7 @@ class LoadStep:
 
     @property
     def converged(self) -> bool:
-        """Whether the accuracy that was asked for is reached, and checked."""
+        """Whether the requested accuracy was reached, and checked."""
         return self.status == "converged"
 
     @property
@@ -206,7 +206,7 @@ class LoadStep:
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
+        """The state of each contact place, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         state: NDArray[np.str_] = self._data("state")
         return state
 
@@ -222,13 +222,14 @@ class LoadStep:
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty for a problem from
+        matrices."""
         contacts: dict[str, Contact] = self._data("contacts")
         return contacts
 
     @property
     def supports(self) -> list[Support]:
-        """What the supports of a model carry, in its order."""
+        """The reactions of the supports of a model, in its order."""
         return [
             Support(one["support"], *(np.array(one[key]) for key in ("force", "moment", "centre")))
             for one in self.report["supports"]
@@ -261,15 +262,15 @@ class LoadStep:
 
 
 class Solution:
-    """The result of a solve: its load steps, of which the last one is that of the solution itself.
+    """The result of a solve: its load steps; its own fields are those of the last one.
 
-    It may be pickled, with all of its numbers; `write` and the page in notebooks then need the original. Its arrays are
+    Pickling keeps all of its numbers; `write` and the page in notebooks then need the original. Its arrays are
     read-only: compute in place on a copy.
 
     Attributes
     ----------
     report : dict
-        What ``report.json`` says.
+        The contents of ``report.json``.
     steps : list of LoadStep
         The load steps made.
     """
@@ -295,12 +296,12 @@ class Solution:
     @property
     def status(self) -> str:
         """How the last load step ended: "converged", "iteration_limit", "stagnated", "not_held", "time_limit",
-        "interrupted"; "error" where an error has ended the solve after the steps that there are."""
+        "interrupted"; "error" if an error ended the solve after the load steps made."""
         return str(self.report["status"])
 
     @property
     def converged(self) -> bool:
-        """Whether the accuracy that was asked for is reached, and checked, in all load steps."""
+        """Whether the requested accuracy was reached, and checked, in all load steps."""
         return self.status == "converged"
 
     @property
@@ -330,7 +331,7 @@ class Solution:
 
     @property
     def state(self) -> NDArray[np.str_]:
-        """What each contact place does, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
+        """The state of each contact place, (m,): "separated", "stick", "slip", "contact" without friction, or "tied"."""
         return self.last.state
 
     @property
@@ -345,12 +346,13 @@ class Solution:
 
     @property
     def contacts(self) -> dict[str, Contact]:
-        """The contacts and ties of a model by their names, or those of their boundaries; empty of matrices."""
+        """The contacts and ties of a model by their names, or those of their boundaries; empty for a problem from
+        matrices."""
         return self.last.contacts
 
     @property
     def supports(self) -> list[Support]:
-        """What the supports of a model carry, in its order."""
+        """The reactions of the supports of a model, in its order."""
         return self.last.supports
 
     @property
@@ -380,7 +382,7 @@ class Solution:
 
     @property
     def hints(self) -> list[str]:
-        """What the figures suggest to look at."""
+        """The hints: figures that deserve a look."""
         return list(self.report["hints"])
 
     @property
@@ -408,12 +410,12 @@ class Solution:
         return np.array(rows, dtype=HISTORY)
 
     def write(self, directory: str | os.PathLike[str], plots: bool = False) -> list[Path]:
-        """Write what ``signorini solve`` writes: ``report.json``, ``solution.vtu``, ``contact.csv``.
+        """Write the results as ``signorini solve`` does: ``report.json``, ``solution.vtu``, ``contact.csv``.
 
         Parameters
         ----------
         directory : path
-            Made if need be; results of a run before are removed.
+            Made if necessary; results of an earlier run are removed.
         plots : bool
             Whether to draw pictures and write ``report.html``.
 
@@ -428,10 +430,10 @@ class Solution:
     def to_meshio(self) -> Any:
         """The bodies at the end of the last load step as a mesh of meshio.
 
-        Point data: ``displacement``, ``stress`` and, along the axes, what happens at nodes of contacts (0 elsewhere, and NaN for
-        ``contact_gap``): ``contact_pressure``, ``contact_traction`` (all of it), ``contact_slip``, ``contact_gap``, and
-        ``contact_status`` (0 no contact, 1 separated, 2 stick, 3 slip, 4 without friction, 5 tied). Cell data: ``stress``.
-        Regions are cell sets; boundaries and sets of nodes are point sets.
+        Point data: ``displacement``, ``stress`` and, along the axes, the fields at nodes of contacts (0 elsewhere, and NaN
+        for ``contact_gap``): ``contact_pressure``, ``contact_traction`` (the whole traction), ``contact_slip``,
+        ``contact_gap``, and ``contact_status`` (0 no contact, 1 separated, 2 stick, 3 slip, 4 without friction, 5 tied). Cell
+        data: ``stress``. Regions are cell sets; boundaries and sets of nodes are point sets.
         """
         import meshio
 
@@ -499,9 +501,9 @@ class Solution:
             _freeze(data)
 
     def _handle(self, what: str) -> _native.Solved:
-        """The solver's own; gone once pickled."""
+        """The object of the solver; missing after pickling."""
         if self._native is None:
-            raise ValueError(f"{what}: this solution was pickled, and has its numbers alone; use that of the solve")
+            raise ValueError(f"{what}: this solution was pickled and has only its numbers; use the original from the solve")
         return self._native
 
     def _mesh_or_none(self) -> Any:
@@ -521,7 +523,7 @@ class Solution:
         return mesh
 
     def _data(self, step: int, name: str) -> Any:
-        """An array of a load step, made when it is first asked for."""
+        """An array of a load step, made on first use."""
         if (step, name) not in self._cache:
             self._make(step, name)
         return self._cache[step, name]
@@ -582,12 +584,12 @@ class Solution:
 _VECTORS = ("u", "lambda_normal", "lambda_tangential", "slip_bound", "slip", "state")
 
 
-# What `contact_status` counts, as in files of ParaView.
+# The codes of `contact_status`, as in files for ParaView.
 STATES = ("", "separated", "stick", "slip", "contact", "tied")
 
 
 def _freeze(data: Any) -> Any:
-    """Arrays that are handed out again and again may not be changed: whoever computes with one in place takes a copy."""
+    """Shared arrays become read-only: users copy them to compute in place."""
     if isinstance(data, np.ndarray):
         data.setflags(write=False)
     elif isinstance(data, dict):
@@ -599,13 +601,13 @@ def _freeze(data: Any) -> Any:
 
 
 def _scattered(shown: NDArray[np.int64], of_places: NDArray[Any], none: float) -> NDArray[Any]:
-    """What each node of the mesh shows of the contact places; `none` where it is at none of them."""
+    """The values of contact places at each node of the mesh; `none` at nodes without one."""
     at_nodes = np.full((len(shown), *of_places.shape[1:]), none, dtype=of_places.dtype)
     at_nodes[shown >= 0] = of_places[shown[shown >= 0]]
     return at_nodes
 
 
 def _in_space(vectors: Floats) -> Floats:
-    """Places or vectors with three components."""
+    """Points or vectors with three components."""
     missing = 3 - vectors.shape[1]
     return np.pad(vectors, ((0, 0), (0, missing))) if missing else vectors

@@ -1,4 +1,4 @@
-"""Values of Python as values of TOML, which the tables of a case file are made of."""
+"""Values of Python as values of TOML, for the tables of a case file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 
 def value(name: str, given: Any) -> str:
-    """A value as TOML writes it; floats to the last bit."""
+    """A value in TOML; floats to the last bit."""
     if isinstance(given, (bool, np.bool_)):
         return "true" if given else "false"
     if isinstance(given, (int, np.integer)):
@@ -19,7 +19,7 @@ def value(name: str, given: Any) -> str:
     if isinstance(given, (float, np.floating)):
         return repr(float(given))
     if isinstance(given, (str, os.PathLike)):
-        # A JSON string is one of TOML but for this character.
+        # A JSON string is also a TOML string, except for this character.
         return json.dumps(os.fspath(given), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(given, Mapping):
         entries = (f"{key(k)} = {value(f'{name}.{k}', v)}" for k, v in given.items() if v is not None)
@@ -30,23 +30,23 @@ def value(name: str, given: Any) -> str:
         return "[" + ", ".join(value(name, entry) for entry in given) + "]"
     if isinstance(given, np.ndarray):
         return value(name, given[()])
-    raise ValueError(f"{name}: {type(given).__name__} is no value that a case has")
+    raise ValueError(f"{name}: {type(given).__name__} is not a type that a case can have")
 
 
 def key(name: Any) -> str:
-    """A key, quoted where it has to be."""
+    """A key, quoted where necessary."""
     text = str(name)
     return text if text.replace("_", "a").replace("-", "a").isalnum() and text.isascii() else json.dumps(text)
 
 
 def table(header: str, entries: Mapping[str, Any]) -> str:
-    """A table under its header, a line for each key; what is None is left out."""
+    """A table under its header, a line for each key; None is left out."""
     lines = [f"{key(k)} = {value(k, v)}" for k, v in entries.items() if v is not None]
     return "\n".join([header, *lines, ""])
 
 
 def setting(path: str, given: Any) -> str:
-    """An entry of a case that replaces another, as the command line writes it."""
+    """An entry of a case that replaces another, in the form of the command line."""
     if not isinstance(path, str):
-        raise ValueError(f"settings: {path!r} is no key such as \"solver.tolerance\"")
+        raise ValueError(f"settings: {path!r} is not a key such as \"solver.tolerance\"")
     return f"{path}={value(path, given)}"

@@ -1,4 +1,4 @@
-"""Who hears of a solve: callbacks, the log, the bar."""
+"""The observers of a solve: callbacks, the log, the bar."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Step:
     err : float
         The error relative to the first one.
     separated, stick, slip, frictionless, tied : int
-        How many contact places touch nothing, stick, slip, have no law of friction, or are tied.
+        The numbers of contact places that are open, stick, slip, have no law of friction, or are tied.
     changes : int
-        Places that have changed their set since the step before.
+        The number of places that changed their set since the step before.
     """
 
     load_step: int
@@ -67,19 +67,19 @@ class Step:
 
 
 def slips(sets: dict[str, int]) -> int:
-    """How many places slip, whichever way."""
+    """The number of slipping places, in either direction."""
     return sets["slip"] if "slip" in sets else sets["slip_plus"] + sets["slip_minus"]
 
 
 class Hearer:
-    """Hears news of a solve, on the thread that it was called from."""
+    """Receives the events of a solve, on the thread that called it."""
 
     def __init__(self, callback: Callable[[Step], object] | None, bar: Bar | None) -> None:
         self._callback = callback
         self._bar = bar
 
     def line(self, text: str) -> None:
-        """What was chosen and why."""
+        """A choice and its reason."""
         LOG.info(text)
 
     def begins(self, number: int, of: int, factor: float) -> None:
@@ -90,7 +90,7 @@ class Hearer:
             self._bar.begins(number, of)
 
     def step(self, row: str, words: str) -> bool:
-        """An outer step is made; whether to go on."""
+        """An outer step is made; returns whether to continue."""
         LOG.debug(words)
         if not self._callback and not self._bar:
             return True
@@ -107,7 +107,7 @@ class Hearer:
 
 
 class Bar:
-    """A line on standard error that is written over: how many decades the error has still to fall."""
+    """A line on standard error that is overwritten: the decades by which the error still has to fall."""
 
     WIDTH = 30
 

@@ -1,4 +1,4 @@
-"""Problems of the Friction Contact Library (FCLIB), in HDF5: read, solved, written. Needs h5py."""
+"""Problems of the Friction Contact Library (FCLIB), in HDF5: reads, solves and writes them. Needs h5py."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Local:
-    """u = W r + q of contacts with Coulomb friction; entries stand contact by contact, the normal one first.
+    """u = W r + q of contacts with Coulomb friction; entries are listed contact by contact, the normal one first.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class Local:
     dimension : int
         d, 2 or 3.
     title, description, math_info : str
-        What the file says of itself.
+        The file's own description.
     impulses, velocities : ndarray, (d m,); or None
-        The solution that the file has, where it has one.
+        The solution in the file, if it has one.
     """
 
     W: Any
@@ -64,7 +64,7 @@ class Global:
     friction, dimension, title, description, math_info, impulses, velocities
         As of `Local`.
     body_velocities : ndarray, (n,); or None
-        v of the solution that the file has.
+        v of the solution in the file.
     """
 
     M: Any
@@ -108,7 +108,7 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
     OSError
         If the file cannot be read.
     ValueError
-        If there is no local or global problem in it, or one with constraints beside its contacts.
+        If it has no local or global problem, or the problem has constraints beside its contacts.
     """
     h5py = _h5py()
     with h5py.File(os.fspath(path), "r") as file:
@@ -117,7 +117,7 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
                 group = file[name]
                 for constraint in ("V", "R", "G"):
                     if constraint in group:
-                        raise ValueError(f"{path}: {name}/{constraint} constrains the bodies beside their contacts; there is no way for that")
+                        raise ValueError(f"{path}: {name}/{constraint} constrains the bodies beside their contacts, which is not supported")
                 made: dict[str, Any] = {key: _matrix(group[key]) for key in matrices}
                 made |= {key: np.asarray(group["vectors"][key], dtype=np.float64).ravel() for key in vectors}
                 friction = np.asarray(group["vectors"]["mu"], dtype=np.float64).ravel()
@@ -133,7 +133,7 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
 
 
 def write(path: str | os.PathLike[str], problem: Local | Global, solution: DelassusSolution | Solution | None = None) -> None:
-    """Write a problem as FCLIB does, and a solution of it: the one that is given, or that the problem has been read with."""
+    """Write a problem in FCLIB's format with its solution: the given one, or the one it was read with."""
     h5py = _h5py()
     name, _, matrices, vectors = next(form for form in _FORMS if isinstance(problem, form[1]))
     known = {key: getattr(problem, meant, None) for key, meant in _SOLUTION.items()}
@@ -163,7 +163,7 @@ def write(path: str | os.PathLike[str], problem: Local | Global, solution: Delas
                 into[key] = value
 
 
-# The group, what it becomes, its matrices, its vectors beside μ.
+# The group, its class here, its matrices, its vectors without μ.
 _FORMS: list[tuple[str, type[Local] | type[Global], tuple[str, ...], tuple[str, ...]]] = [
     ("fclib_local", Local, ("W",), ("q",)),
     ("fclib_global", Global, ("M", "H"), ("f", "w")),
@@ -176,7 +176,7 @@ def _h5py() -> Any:
     try:
         import h5py
     except ImportError as error:
-        raise ImportError("files of FCLIB are HDF5, which h5py reads: pip install h5py") from error
+        raise ImportError("files of FCLIB are HDF5: install h5py to read them (pip install h5py)") from error
     return h5py
 
 
@@ -188,7 +188,8 @@ def _text(group: Any, key: str) -> str:
 
 
 def _matrix(group: Any) -> Any:
-    """A matrix as CSparse keeps it: nz entries in triplets, compressed columns where nz is −1, compressed rows where it is −2."""
+    """A matrix in the format of CSparse: nz entries in triplets, compressed columns if nz is −1, compressed rows if it is
+    −2."""
     import scipy.sparse
 
     rows, cols, nz = (int(np.ravel(group[key])[0]) for key in ("m", "n", "nz"))

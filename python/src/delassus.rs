@@ -1,4 +1,4 @@
-//! Contacts whose Delassus operator Python has, as a matrix or as a product.
+//! Contacts with a Delassus operator from Python, as a matrix or as a product.
 
 use crate::arrays::{Sparse, entries, flat};
 use crate::errors::SolveError;
@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// What has come of a solve.
+/// The result of a solve.
 struct Made {
     impulses: Vec<f64>,
     velocities: Vec<f64>,
@@ -37,7 +37,7 @@ enum Failure {
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         let of_dual = |error: DualError| match error {
-            // What Python has raised comes out as it is.
+            // An exception from Python is passed on unchanged.
             DualError::Other(error) => match error.downcast::<PyErr>() {
                 Ok(error) => *error,
                 Err(error) => SolveError::new_err(error.to_string()),
@@ -91,7 +91,7 @@ pub fn solve_delassus<'py>(
             Ok(())
         })
         .map_err(|error: PyErr| DualError::Other(Box::new(error))),
-        (None, None) => unreachable!("it is one of both"),
+        (None, None) => unreachable!("one of both is given"),
     };
     let given = [
         entries("diagonal", &diagonal)?,

@@ -1,4 +1,4 @@
-//! Errors of the library as exceptions of Python, and panics, which are defects, as one of them.
+//! Errors of the library as exceptions of Python, and panics, which are defects, as a separate one.
 
 use crate::fork::with_threads;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -16,13 +16,13 @@ pyo3::create_exception!(
     signorini,
     ModelError,
     PyValueError,
-    "A mesh, a model or a case cannot be meant as it was stated; the text says what to do."
+    "A mesh, a model or a case is inconsistent; the text gives the remedy."
 );
 pyo3::create_exception!(
     signorini,
     SolveError,
     PyRuntimeError,
-    "A problem could not be solved: K is singular, say, or a GPU failed."
+    "A problem could not be solved: K is singular, for example, or a GPU failed."
 );
 
 /// A bad argument, by its name.
@@ -30,7 +30,7 @@ pub fn argument(name: &str, message: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(format!("{name}: {message}"))
 }
 
-/// A file that cannot be read, as Python tells that.
+/// A file that cannot be read, as Python's exception for it.
 fn unread(text: String, source: &std::io::Error) -> PyErr {
     std::io::Error::new(source.kind(), text).into()
 }
@@ -80,7 +80,7 @@ pub fn of_panic(panic: &(dyn Any + Send)) -> PyErr {
     ))
 }
 
-/// Works with the interpreter let go; a panic comes back as an exception.
+/// Works without the interpreter's lock; a panic is returned as an exception.
 pub fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| catch_unwind(AssertUnwindSafe(|| with_threads(work))))
         .map_err(|panic| of_panic(panic.as_ref()))

@@ -10,11 +10,11 @@ static LOADED: OnceLock<u32> = OnceLock::new();
 /// The threads of forks. (No lock is around them: one that a thread has held at the fork would never be free.)
 static THREADS: OnceLock<Threads> = OnceLock::new();
 
-/// What to do where a fork will not do.
+/// The remedy where a fork cannot be used.
 pub const REMEDY: &str =
     "start processes with multiprocessing.set_start_method(\"spawn\") or \"forkserver\"";
 
-/// The threads of a fork, and those of a fork of that: there the former are no more than memory.
+/// The threads of a fork. In a fork of that fork they are only memory.
 struct Threads {
     of: u32,
     pool: ThreadPool,
@@ -42,7 +42,7 @@ pub fn is_fork() -> bool {
     LOADED.get().is_some_and(|&pid| pid != process::id())
 }
 
-/// Works where there are threads to work with: in a fork on some of its own, as those of rayon's global pool are not there.
+/// Runs work on threads that exist: in a fork on separate ones, because those of rayon's global pool are missing there.
 pub fn with_threads<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if !is_fork() {
         return work();

@@ -1,5 +1,5 @@
-//! What of the Python package `signorini` is Rust: problems, meshes and solves, with numbers as arrays of NumPy. Names, defaults
-//! and everything that Python says better stand in `signorini/*.py`; no user meets this module itself.
+//! The Rust part of the Python package `signorini`: problems, meshes and solves, with numbers as arrays of NumPy. Names,
+//! defaults and everything easier in Python are in `signorini/*.py`; users never see this module.
 
 mod arrays;
 mod delassus;

@@ -56,8 +56,8 @@ impl Mesh {
     }
 
     /// From arrays: points, elements by kind, the region of each element, the names of regions, groups of these by name,
-    /// facets of boundaries by name (an array for each number of nodes), sets of nodes, those among them that stand for
-    /// boundaries alone, and notes.
+    /// facets of boundaries by name (an array for each number of nodes), sets of nodes, those among them that are only
+    /// boundaries, and notes.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "one for each part")]
     fn of_arrays(
@@ -85,7 +85,7 @@ impl Mesh {
         for (name, nodes) in &cells {
             let kind = (ElementKind::ALL.into_iter())
                 .find(|kind| kind.name() == name)
-                .ok_or_else(|| argument("cells", format!("no elements are called \"{name}\"")))?;
+                .ok_or_else(|| argument("cells", format!("there are no elements \"{name}\"")))?;
             let (found, needed) = (nodes.shape()[1], kind.n_nodes());
             if found != needed {
                 let text =
@@ -128,7 +128,7 @@ impl Mesh {
         mesh.map(Self::new).map_err(ModelError::new_err)
     }
 
-    /// Meshes side by side, none of whose regions and boundaries have the same name.
+    /// Meshes side by side; their regions and boundaries have different names.
     #[staticmethod]
     fn joined(parts: Vec<PyRef<Mesh>>) -> PyResult<Self> {
         let mut whole: Option<AnyMesh> = None;
@@ -142,7 +142,7 @@ impl Mesh {
                     AnyMesh::Space(structured::join(a, b))
                 }
                 _ => {
-                    let text = "meshes of the plane and of space do not go together";
+                    let text = "meshes of the plane and of space cannot be joined";
                     return Err(ModelError::new_err(text));
                 }
             });
@@ -256,12 +256,12 @@ impl Mesh {
         })
     }
 
-    /// What is to be said of it.
+    /// Remarks on it.
     fn notes(&self) -> Vec<String> {
         either!(self, mesh => mesh.notes.clone())
     }
 
-    /// How many bodies there are: parts that share no node.
+    /// The number of bodies: parts that share no node.
     #[getter]
     fn n_bodies(&self) -> usize {
         either!(self, mesh => mesh.bodies().0)
@@ -297,12 +297,12 @@ where
 fn numbers(name: &str, all: &[i64]) -> PyResult<Vec<u32>> {
     let one = |&number: &i64| {
         u32::try_from(number)
-            .map_err(|_| argument(name, format!("{number} is no number of a node")))
+            .map_err(|_| argument(name, format!("{number} is not the number of a node")))
     };
     all.iter().map(one).collect()
 }
 
-/// What a mesh is made of, with the numbers of nodes of each kind of element one behind the other.
+/// The parts of a mesh, with the numbers of nodes of each kind of element one after the other.
 struct Parts {
     kinds: Vec<(ElementKind, Vec<u32>)>,
     region_of: Vec<i64>,
@@ -310,7 +310,7 @@ struct Parts {
     groups: BTreeMap<String, Vec<u32>>,
     facets: BTreeMap<String, Vec<Vec<u32>>>,
     node_sets: BTreeMap<String, Vec<u32>>,
-    /// Which of the sets stand for boundaries alone.
+    /// The sets that are only boundaries.
     by_nodes: Vec<String>,
     notes: Vec<String>,
 }
@@ -325,7 +325,7 @@ impl Parts {
             let solid = is_solid(*kind);
             if solid != (D == 3) {
                 return Err(format!(
-                    "cells: {} are no elements of a mesh whose points have {D} coordinates",
+                    "cells: {} are not elements of a mesh whose points have {D} coordinates",
                     kind.name()
                 ));
             }
@@ -367,7 +367,7 @@ impl Parts {
             notes: self.notes,
         });
         let mut mesh = mesh.map_err(|error| error.to_string())?;
-        // Sets of nodes are boundaries, too, as far as these have outer facets: as those of Abaqus input files.
+        // Sets of nodes are also boundaries, with their outer facets, as in Abaqus input files.
         let sets = (mesh.node_sets.iter()).filter(|(name, _)| !mesh.boundaries.contains_key(*name));
         let facets = sets.map(|(name, set)| (name.clone(), mesh.outer_facets_at(set, true)));
         let facets: Vec<_> = facets.filter(|(_, facets)| !facets.is_empty()).collect();
@@ -376,7 +376,7 @@ impl Parts {
             mesh.node_sets.remove(&name);
             if !mesh.boundaries.contains_key(&name) {
                 return Err(format!(
-                    "boundaries: \"{name}\" is a set of nodes that has all corners of no outer facet; give nodes of a contact or \
+                    "boundaries: \"{name}\" is a set of nodes that contains all corners of no outer facet; give nodes of a contact or \
                      a support as node_sets"
                 ));
             }
@@ -385,7 +385,7 @@ impl Parts {
     }
 }
 
-/// Whether a kind is one of space.
+/// Whether a kind belongs to space.
 fn is_solid(kind: ElementKind) -> bool {
     !matches!(kind.linear(), ElementKind::Triangle | ElementKind::Quad)
 }

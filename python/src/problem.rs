@@ -29,7 +29,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
-/// An engine, and what was asked of it when it was made.
+/// An engine, and the options it was made with.
 struct Kept {
     asked: String,
     engine: Engine,
@@ -48,7 +48,7 @@ pub struct Problem {
     ear: Ear,
 }
 
-/// What a solve changes of its problem, from Python.
+/// The changes of a solve to its problem, from Python.
 #[derive(Default)]
 struct Changes {
     load: Option<Vec<f64>>,
@@ -58,7 +58,7 @@ struct Changes {
     friction: Option<Vec<f64>>,
 }
 
-/// What a problem from matrices may have beside them.
+/// The optional data of a problem from matrices.
 #[derive(Default)]
 struct Beside {
     interference: bool,
@@ -195,7 +195,7 @@ impl Problem {
 
 #[pymethods]
 impl Problem {
-    /// From matrices in compressed rows or columns and vectors, all of which Python has brought into shape.
+    /// From matrices in compressed rows or columns and vectors, all prepared by Python.
     #[staticmethod]
     #[pyo3(signature = (stiffness, load, normal, tangential, gap, slip_bound, friction, coordinates, dim, *, interference,
                         dependent_rows, slip_origin=None, areas=None, compliance=None, tied=None))]
@@ -268,7 +268,7 @@ impl Problem {
                     made.map(AnyProblem::Space)
                 })?
             }
-            _ => return Err(argument("dim", format!("it is 2 or 3, not {dim}"))),
+            _ => return Err(argument("dim", format!("must be 2 or 3, not {dim}"))),
         };
         let problem = problem.map_err(PyValueError::new_err)?;
         Ok(Self::new(
@@ -328,7 +328,7 @@ impl Problem {
         }
     }
 
-    /// The name of each contact, if it has one of its own, its boundary, and what that meets.
+    /// The name of each contact, if it has its own, its boundary, and its other side.
     fn contacts(&self) -> Vec<(Option<String>, String, String)> {
         fn of<const D: usize>(analysis: Analysis<D>) -> Vec<(Option<String>, String, String)>
         where
@@ -350,7 +350,7 @@ impl Problem {
         }
     }
 
-    /// What [`Self::matrices`] makes the same problem of, but for its keywords; None for a model.
+    /// The arguments with which [`Self::matrices`] makes the same problem, without its keywords; None for a model.
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         fn made<'py, const D: usize>(
             py: Python<'py>,
@@ -397,8 +397,8 @@ impl Problem {
         }
     }
 
-    /// Solves; returns what has come of it and, where a signal or an exception of `hears` has ended it, or an error after steps
-    /// that were finished, that exception.
+    /// Solves; returns the result and, if a signal, an exception of `hears`, or an error after finished steps has ended it,
+    /// that exception.
     #[pyo3(signature = (hears, keywords, *, load=None, gap=None, slip_bound=None, slip_origin=None, friction=None, before=None))]
     #[expect(clippy::too_many_arguments, reason = "one for each vector")]
     fn solve(
@@ -457,13 +457,13 @@ impl Problem {
         let (run, failed) = made.map_err(|failure| match failure {
             Failure::Before => argument(
                 "after",
-                "it is the solution of a problem of another dimension",
+                "that is the solution of a problem in another dimension",
             ),
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
             Failure::Large => SolveError::new_err(
-                "large displacements are solved by the program (signorini solve case.toml) and from Rust, not from Python yet: leave out \
+                "large displacements are available in the program (signorini solve case.toml) and in Rust, not in Python yet: leave out \
                  geometry = \"large\" here",
             ),
             Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),
@@ -477,17 +477,17 @@ impl Problem {
     }
 }
 
-/// Why nothing has come of a solve.
+/// The reason why a solve has no result.
 enum Failure {
-    /// What it was to begin from is of another dimension.
+    /// The solution to start from has another dimension.
     Before,
-    /// Nothing has come of that.
+    /// That solution is empty.
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
     /// Displacements may be large.
     Large,
-    /// What a fork cannot do.
+    /// An operation that is impossible in a fork.
     Fork(&'static str),
 }
 
@@ -556,7 +556,7 @@ impl Job<'_> {
             unusable => {
                 let mut options = self.options.clone();
                 if fork::is_fork() {
-                    // To let a GPU go that the parent has may take for ever.
+                    // Releasing a GPU that the parent uses may take for ever.
                     std::mem::forget(unusable);
                     if options.place == Device::Gpu || options.gpu.adapter.is_some() {
                         return Err(Failure::Fork("no GPU can be used after a fork"));
@@ -636,7 +636,7 @@ pub fn word(status: signorini::ssnm::Status) -> String {
     value.as_str().unwrap_or_default().to_owned()
 }
 
-/// Reads a case file with these `key.path=value`, and builds what it is about.
+/// Reads a case file with these `key.path=value`, and builds its problem.
 #[pyfunction]
 pub fn read_case(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResult<Problem> {
     guarded(py, || -> Result<Problem, Wrong> {
@@ -647,7 +647,7 @@ pub fn read_case(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResu
     .map_err(PyErr::from)
 }
 
-/// Builds what the tables of a text say of a mesh.
+/// Builds the model that the tables of a text state on a mesh.
 #[pyfunction]
 pub fn build(py: Python<'_>, mesh: PyRef<Mesh>, text: String) -> PyResult<Problem> {
     let mesh = mesh.copy();
@@ -659,7 +659,7 @@ pub fn build(py: Python<'_>, mesh: PyRef<Mesh>, text: String) -> PyResult<Proble
     .map_err(PyErr::from)
 }
 
-/// Checks the tables of a text as far as that goes without a mesh.
+/// Checks the tables of a text as far as possible without a mesh.
 #[pyfunction]
 pub fn check_tables(py: Python<'_>, text: String, dim: usize) -> PyResult<()> {
     guarded(py, || {
@@ -669,7 +669,7 @@ pub fn check_tables(py: Python<'_>, text: String, dim: usize) -> PyResult<()> {
     .map_err(of_case)
 }
 
-/// What may be wrong with a case.
+/// A fault of a case.
 enum Wrong {
     Case(signorini::case::CaseError),
     Build(signorini::case::BuildError),

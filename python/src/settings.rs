@@ -23,11 +23,11 @@ fn word<T: Copy>(name: &str, value: &Bound<PyAny>, words: &[(&str, T)]) -> PyRes
         let shown = value
             .repr()
             .map_or(String::new(), |repr| format!(", not {repr}"));
-        argument(name, format!("it is one of {}{shown}", known.join(", ")))
+        argument(name, format!("must be one of {}{shown}", known.join(", ")))
     })
 }
 
-/// A number, with its name if it is none.
+/// A number, or an error with its name.
 fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(
     name: &str,
     value: &Bound<'py, PyAny>,
@@ -38,7 +38,7 @@ fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(
     })
 }
 
-/// What a solve is made on, and how, of the keywords that are about that; what is left out stays as it is.
+/// Applies the keywords for the engine and the settings of a solve; others stay as they are.
 pub fn apply(
     keywords: &Bound<PyDict>,
     engine: &mut EngineOptions,
@@ -123,7 +123,7 @@ pub fn apply(
                 let seconds: f64 = number(name, &value)?;
                 let limit = Duration::try_from_secs_f64(seconds);
                 ssnm.time_limit = Some(limit.map_err(|_| {
-                    argument(name, format!("it is a number of seconds, not {seconds}"))
+                    argument(name, format!("must be a number of seconds, not {seconds}"))
                 })?);
             }
             _ => return Err(argument(name, "no solve has such a setting")),

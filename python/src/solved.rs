@@ -1,4 +1,4 @@
-//! What has come of a solve: vectors and fields of each load step, made when they are asked for.
+//! The result of a solve: vectors and fields of each load step, made on request.
 
 use crate::arrays::{flat, table};
 use crate::errors::guarded;
@@ -19,9 +19,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The load steps of a solve in D dimensions, and what is reported of them.
+/// The load steps of a solve in D dimensions, and their report.
 pub struct Run<const D: usize> {
-    /// The problem, where the solve has changed that which it was called on.
+    /// The problem, if the solve has changed the one it was called on.
     pub problem: Option<ContactProblem<D>>,
     pub steps: Vec<StepSolution<D>>,
     pub report: Report,
@@ -49,7 +49,7 @@ pub struct Solved {
     pub run: AnyRun,
 }
 
-/// Of both dimensions the one that it is, with what was solved.
+/// Selects the dimension, with its result.
 macro_rules! either {
     ($solved:expr, ($analysis:ident, $run:ident) => $value:expr) => {
         match ($solved.source.analysis(), &$solved.run) {
@@ -144,7 +144,7 @@ impl Solved {
         })
     }
 
-    /// What happens at the contact places in a step.
+    /// The fields at the contact places in a step.
     fn contact<'py>(&self, py: Python<'py>, step: usize) -> PyResult<Bound<'py, PyDict>> {
         fn made<'py, const D: usize>(
             py: Python<'py>,
@@ -210,7 +210,7 @@ impl Solved {
         Some(Mesh::new(mesh))
     }
 
-    /// Writes what `signorini solve` writes into a directory; returns the files.
+    /// Writes the results as `signorini solve` does into a directory; returns the files.
     fn write(&self, py: Python<'_>, directory: PathBuf, plots: bool) -> PyResult<Vec<PathBuf>> {
         let title = &self.title;
         let written = guarded(
@@ -287,7 +287,7 @@ fn at<const D: usize>(steps: &[StepSolution<D>], step: usize) -> PyResult<&StepS
     (steps.get(step)).ok_or_else(|| PyIndexError::new_err(format!("{count} load steps were made")))
 }
 
-/// What follows of the bodies and the load of a step.
+/// The data that follow from the bodies and the load of a step.
 fn of_bodies<const D: usize, T: Send>(
     py: Python<'_>,
     analysis: Analysis<D>,

@@ -1,4 +1,4 @@
-//! A solve on its way: it works on a thread of its own, while the thread that Python has called from hears of it and of signals.
+//! A running solve: it works on a separate thread, while the thread that Python called from receives its events and signals.
 
 use crate::errors::of_panic;
 use crate::fork::with_threads;
@@ -7,16 +7,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 
-/// How long a signal may wait to be heard while a solve says nothing: nobody notices less.
+/// The longest delay of a signal while a solve sends no events: shorter ones go unnoticed.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// What a solve tells.
+/// The events of a solve.
 pub enum News {
     /// A line for the log.
     Line(String),
     /// A load step begins: its number, how many there are, its factor.
     Begins(usize, usize, f64),
-    /// An outer step has been made, as JSON and in words; the answer says whether to go on.
+    /// An outer step has been made, as JSON and in words; the answer tells whether to continue.
     Step(String, String, mpsc::Sender<bool>),
     /// A load step has ended: its number, how.
     Ends(usize, String),
@@ -25,7 +25,7 @@ pub enum News {
 /// Who hears the lines of an engine, which outlives a solve.
 pub type Ear = Arc<Mutex<Option<mpsc::Sender<News>>>>;
 
-/// What the working thread tells by.
+/// The sender of the working thread.
 #[derive(Clone)]
 pub struct Voice(Option<mpsc::Sender<News>>);
 
@@ -35,15 +35,15 @@ impl Voice {
         self.0.is_some()
     }
 
-    /// Tells and goes on.
+    /// Sends an event and continues.
     pub fn tell(&self, news: News) {
         if let Some(to) = &self.0 {
-            // Who has gone away hears nothing.
+            // A receiver that is gone hears nothing.
             let _ = to.send(news);
         }
     }
 
-    /// Tells of a step and waits for the answer.
+    /// Sends a step and waits for the answer.
     pub fn ask(&self, step: String, words: String) -> bool {
         let (answer, answered) = mpsc::channel();
         self.tell(News::Step(step, words, answer));
@@ -73,8 +73,8 @@ fn hear(hears: &Bound<PyAny>, news: News) -> PyResult<()> {
     }
 }
 
-/// Works, with the interpreter let go, and hears meanwhile: a signal, or an exception of who hears, sets `interrupt`, and comes
-/// back beside what has come of the work.
+/// Works without the interpreter's lock and handles events meanwhile: a signal, or an exception of the observer, sets
+/// `interrupt`, and is returned with the result of the work.
 ///
 /// # Errors
 /// If the work has panicked.
@@ -89,7 +89,7 @@ pub fn watched<T: Send>(
     std::thread::scope(|scope| {
         let voice = Voice(hears.is_some().then(|| to.clone()));
         let worker = scope.spawn(move || {
-            // Dropped at the end: that is how the end is heard.
+            // Dropping it at the end marks the end.
             let _to = to;
             with_threads(move || work(voice))
         });

@@ -1,4 +1,4 @@
-"""What tests share: matrices of the repository's example, and small problems whose answers are known."""
+"""Helpers of the tests: matrices of the repository's example, and small problems with known answers."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def points_in_space(count: int = 4) -> dict[str, Any]:
 
 @pytest.fixture
 def run_program() -> Any:
-    """Runs the command `signorini` of the package as a user does; its exit code has to be 0 unless said otherwise."""
+    """Runs the command `signorini` of the package as a user does; its exit code must be 0 unless stated otherwise."""
     import subprocess
     import sys
 

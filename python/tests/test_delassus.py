@@ -1,4 +1,4 @@
-"""Problems of which the Delassus operator is known, and files of FCLIB."""
+"""Problems with a given Delassus operator, and files of FCLIB."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def check(W: Any, q: Any, mu: float, solution: signorini.DelassusSolution, accur
     assert np.abs(r[:, 0] * u[:, 0]).max() <= accuracy * size * speed
     force, slid = np.linalg.norm(r[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
     assert (force - mu * r[:, 0]).max() <= accuracy * size
-    # What slides is held back with all that there is, against the way that it goes.
+    # Sliding contacts have their full friction, against the direction of sliding.
     power = np.sum(r[:, 1:] * u[:, 1:], axis=1)
     assert np.abs(power + mu * r[:, 0] * slid).max() <= accuracy * size * speed
 
@@ -136,15 +136,15 @@ def test_manners() -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"W": unsymmetric}, r"W: it is not symmetric: W\[2, 5\]"),
         ({"W": W[:3, :3]}, "W: q has 30 entries, and W is 3 × 3"),
-        ({"W": lambda x: x[:3], "diagonal": 1.0}, "W: of a vector with 30 entries it makes one with 3"),
+        ({"W": lambda x: x[:3], "diagonal": 1.0}, "W: it returns a vector with 3 entries for one with 30"),
         ({"W": -W}, "W is not positive semidefinite: its diagonal entry 0"),
-        ({"q": q[:-1]}, "q: 29 entries are no multiple of dimension = 3"),
+        ({"q": q[:-1]}, "q: 29 entries are not a multiple of dimension = 3"),
         ({"q": np.where(np.arange(30) == 4, np.nan, q)}, "q: entry 4 is NaN"),
         ({"friction": [0.3]}, "friction: expected 10 entries, found 1"),
         ({"friction": -0.3}, r"μ\(0\) = -3e-1"),
-        ({"dimension": 4}, "dimension: it is 2 or 3, not 4"),
+        ({"dimension": 4}, "dimension: must be 2 or 3, not 4"),
         ({"order": "ours"}, 'order: it is "interleaved" or "blocks"'),
-        ({"diagonal": 1.0}, "diagonal: a matrix has its own"),
+        ({"diagonal": 1.0}, "diagonal: W is a matrix and has its own"),
         ({"tol": 1e-3}, "tol: no solve has such a setting; did you mean tolerance"),
     ]
     for change, text in wrong:

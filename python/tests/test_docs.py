@@ -57,7 +57,7 @@ def test_pages_run(page: Path, tmp_path: Path) -> None:
         if "file" in marks:
             (tmp_path / marks["file"]).write_text(text, encoding="utf-8")
         if "run" in marks and language == "python":
-            # As in one session: what earlier blocks have made is there, and has been printed.
+            # As in one session: results of earlier blocks exist, and have been printed.
             before, text = before + text, f"{before}\nprint('\\0', end='', flush=True)\n{text}"
         if "run" in marks:
             command = ["sh", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]

@@ -62,14 +62,14 @@ def test_exceptions_of_callbacks_come_out(block: dict[str, Any]) -> None:
     with pytest.raises(KeyError, match="mine") as caught:
         signorini.solve(**block, callback=fails)
     assert caught.value.solution.status == "interrupted"
-    # And the problem goes on as if nothing had been.
+    # And the problem continues as if nothing had happened.
     problem = signorini.Problem(**block)
     with pytest.raises(KeyError):
         problem.solve(callback=fails)
     assert problem.solve().converged
 
 
-def test_callbacks_run_on_the_thread_that_has_called(block: dict[str, Any]) -> None:
+def test_callbacks_run_on_the_calling_thread(block: dict[str, Any]) -> None:
     names = set()
     signorini.solve(**block, callback=lambda step: names.add(threading.current_thread().name))
     assert names == {threading.current_thread().name}
@@ -157,7 +157,7 @@ def test_the_bar(block: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().err == ""
 
 
-def test_not_to_converge_is_a_warning_or_with_check_an_error(block: dict[str, Any]) -> None:
+def test_no_convergence_is_a_warning_or_with_check_an_error(block: dict[str, Any]) -> None:
     with pytest.warns(signorini.NotConvergedWarning, match="not converged: iteration_limit") as record:
         solution = signorini.solve(**block, max_iterations=1)
     assert not solution.converged and record[0].filename.endswith("_problem.py") is False or len(record) == 1
@@ -169,7 +169,7 @@ def test_not_to_converge_is_a_warning_or_with_check_an_error(block: dict[str, An
         assert signorini.solve(**block, check=True).converged
 
 
-def test_bodies_that_nothing_holds_are_named() -> None:
+def test_bodies_that_are_not_held_are_named() -> None:
     model = signorini.Model(signorini.rectangle([1, 1], [2, 2])).material(young=1e9, poisson=0.3)
     model.traction("left", x=1e6).traction("top", y=-1e6)
     model.contact("bottom", obstacle={"half_plane": {"point": [0, 0], "normal": [0, 1]}})
@@ -310,7 +310,7 @@ def resident() -> int:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc")
 def test_memory_does_not_grow(block: dict[str, Any]) -> None:
-    """Over 1000 solves, of which each has a factor of its own, a callback and a result that is looked at."""
+    """Over 1000 solves, each with its own factor, a callback and a result that is read."""
 
     def once() -> None:
         solution = signorini.solve(**block, callback=lambda step: None)
@@ -319,7 +319,7 @@ def test_memory_does_not_grow(block: dict[str, Any]) -> None:
     [once() for _ in range(200)]
     before = resident()
     [once() for _ in range(1000)]
-    # A leak of one copy of K alone, some 40 kB, would be 40 MB.
+    # A leak of a single copy of K, some 40 kB, would be 40 MB.
     assert resident() - before < 8e6
 
 

@@ -61,7 +61,7 @@ def test_space(path: str) -> None:
 def test_coulomb() -> None:
     problem = points_in_space()
     del problem["slip_bound"]
-    # λν = 1: the bound is what it was.
+    # λν = 1: the bound is unchanged.
     np.testing.assert_allclose(solve(problem, friction=0.5).u, solve(points_in_space()).u, atol=1e-6)
 
 
@@ -150,7 +150,7 @@ def test_empty_contact(springs: dict[str, Any]) -> None:
 
 
 def _csr(data: Any, indices: Any, indptr: Any, shape: tuple[int, int] = (2, 2)) -> Any:
-    """A matrix as it stands, however wrong."""
+    """A matrix unchanged, however wrong."""
     made = scipy.sparse.csr_array(shape)
     made.data, made.indices, made.indptr = np.asarray(data), np.asarray(indices), np.asarray(indptr)
     return made
@@ -197,7 +197,7 @@ WRONG = [
     ("coordinates", [[0.0]], "coordinates"),
     ("coordinates", [0.0, 0.0], "coordinates: expected an array of two dimensions"),
     ("coordinates", [[NAN, 0.0]], "coordinates"),
-    ("dim", 4, "dim: it is 2 or 3"),
+    ("dim", 4, "dim: must be 2 or 3"),
     ("dim", 3, "T"),
     ("areas", [0.0], "area"),
     ("areas", [1.0, 1.0], "areas: expected 1 entries"),
@@ -208,28 +208,28 @@ WRONG = [
     ("tied", [True, False], "tied: expected 1 of True or False"),
     ("tolerance", 2.0, "tolerance must lie between 0 and 1"),
     ("tolerance", "small", "tolerance: expected a number"),
-    ("stiffness", "lu", 'stiffness: it is one of "auto", "cholesky", "pcg"'),
-    ("backend", 3, "backend: it is one of"),
-    ("precision", "f16", "precision: it is one of"),
-    ("method", "newton", "method: it is one of"),
-    ("time_limit", -1.0, "time_limit: it is a number of seconds"),
+    ("stiffness", "lu", 'stiffness: must be one of "auto", "cholesky", "pcg"'),
+    ("backend", 3, "backend: must be one of"),
+    ("precision", "f16", "precision: must be one of"),
+    ("method", "newton", "method: must be one of"),
+    ("time_limit", -1.0, "time_limit: must be a number of seconds"),
     ("max_iterations", -1, "max_iterations"),
     ("colour", "red", "colour: no solve has such a setting"),
-    ("callback", 3, "callback: expected something to call"),
+    ("callback", 3, "callback: expected a callable"),
 ]
 
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("name, value, text", WRONG)
-def test_what_is_wrong_is_named(springs: dict[str, Any], name: str, value: Any, text: str, path: str) -> None:
+def test_faults_are_named(springs: dict[str, Any], name: str, value: Any, text: str, path: str) -> None:
     with pytest.raises((ValueError, signorini.SolveError)) as caught:
         solve(springs, **{"stiffness": path, name: value})
     assert text in str(caught.value), str(caught.value)
     assert "defect" not in str(caught.value)
 
 
-def test_what_is_wrong_says_what_to_do(springs: dict[str, Any]) -> None:
-    """Rows and columns count from 0; each text has the keyword, or what else to do."""
+def test_faults_name_the_remedy(springs: dict[str, Any]) -> None:
+    """Rows and columns count from 0; each text has the keyword, or another remedy."""
     held = np.array([[1.0, 0.0], [-1.0, 1.0]])
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"gap": -0.5}, r"d\(0\) = -5e-1.*set interference to true"),
@@ -247,7 +247,7 @@ def test_what_is_wrong_says_what_to_do(springs: dict[str, Any]) -> None:
     for name, meant in {"tol": "tolerance", "maxiter": "max_iterations", "max_iteration": "max_iterations", "backnd": "backend"}.items():
         with pytest.raises(ValueError, match=f"{name}: no solve has such a setting; did you mean {meant}"):
             signorini.solve(**springs, **{name: 1})
-    # A gap that is negative by rounding is none.
+    # A gap that is negative by rounding counts as zero.
     touching = signorini.solve(**{**springs, "gap": -1e-18})
     np.testing.assert_array_equal(touching.u, signorini.solve(**{**springs, "gap": 0.0}).u)
 
@@ -322,7 +322,7 @@ def test_pcg_and_the_factor_agree(block: dict[str, Any]) -> None:
 @pytest.mark.parametrize("far", [1e9, 1e16, 1e30, INF])
 @pytest.mark.parametrize("stiffness", PATHS)
 def test_no_obstacle_is_a_gap_of_any_size(far: float, stiffness: Any) -> None:
-    """A gap that says that there is no obstacle does not hide the contact elsewhere."""
+    """A gap that means "no obstacle" does not hide the contact elsewhere."""
     for gap in ([0.1, far], [far, 0.1]):
         solution = signorini.solve(np.eye(2), np.ones(2), normal=np.eye(2), gap=gap, stiffness=stiffness, tolerance=EXACT)
         assert solution.converged

@@ -47,7 +47,7 @@ def test_forces_balance() -> None:
 
 
 @pytest.mark.parametrize("key", ["pressure", "y"])
-def test_quantities_say_the_same(key: str) -> None:
+def test_quantities_agree(key: str) -> None:
     """A linear load as an expression, as a function, as values at nodes: shape functions interpolate it exactly."""
     sign = 1.0 if key == "pressure" else -1.0
     mesh = block().mesh
@@ -98,7 +98,7 @@ def test_quantities_everywhere() -> None:
 
 
 def test_values_of_bodies_that_touch_are_their_own() -> None:
-    """Two blocks of which each has its own value at nodes that lie in one place; the mortar side has its own friction."""
+    """Two blocks, each with its own value at coincident nodes; the mortar side has its own friction."""
     low, high = (signorini.rectangle([2, 1], [8, 4]) for _ in range(2))
     mesh = signorini.Mesh.join({"low": low, "high": high}, shift={"high": [0, 1]})
     upper = np.arange(len(mesh.points)) >= len(low.points)
@@ -126,7 +126,7 @@ def test_temperatures() -> None:
 
 
 def test_names_ties_and_forces() -> None:
-    """A block of two tied halves is the block; what has a name is called by it."""
+    """A block of two tied halves is the block; named parts are listed by their names."""
     halves = {"low": signorini.rectangle([2, 0.5], [8, 2]), "high": signorini.rectangle([2, 0.5], [8, 2])}
     mesh = signorini.Mesh.join(halves, shift={"high": [0, 0.5]})
     found = []
@@ -167,7 +167,7 @@ def test_friction_of_a_model_may_change() -> None:
         with pytest.raises(ValueError, match=text):
             problem.solve(friction=wrong)
     for name in ("f", "gap", "slip_bound", "slip_origin"):
-        with pytest.raises(ValueError, match=f"{name}: what acts on a model"):
+        with pytest.raises(ValueError, match=f"{name}: a model states its own loads"):
             problem.solve(**{name: 1.0})
 
 
@@ -215,7 +215,7 @@ def test_cases_are_to_the_last_bit_those_of_the_command_line(case: str, settings
         assert (tmp_path / "cli" / name).read_bytes() == (tmp_path / "python" / name).read_bytes()
     reports = [json.loads((tmp_path / place / "report.json").read_text()) for place in ("cli", "python")]
     for report in reports:
-        # Seconds, memory, and the linear solve that the command line counts beside.
+        # Seconds, memory, and the linear solve that the command line adds.
         for key in ("timings", "peak_memory_mib", "v_cycles_linear", "work_ratio"):
             del report[key]
     assert reports[0] == reports[1]
@@ -255,12 +255,12 @@ WRONG_TABLES = [
     ("support", {"boundary": "left", "x": lambda points: points[:, 0].astype(str)}, "instead of real numbers"),
     ("support", {"boundary": "left", "z": 0.0}, "support, z: z has no meaning"),
     ("support", {"boundary": 3, "x": 0}, "support, boundary: .*expected the name of a boundary"),
-    ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is no value"),
+    ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is not a type"),
     ("support", {"boundary": "left", "xx": 0}, "did you mean"),
     ("traction", {"boundary": "top"}, "a traction needs"),
     ("traction", {"boundary": "top", "force": [1, 2, 3]}, "traction, force: expected 2 entries, found 3"),
     ("contact", {"boundary": "bottom"}, "either against"),
-    ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "no obstacle in the plane"),
+    ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "not an obstacle in the plane"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": {"coulomb": 0.3, "tresca": 1.0}}, "contact, friction"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": 0.3}, "a friction law is written as"),
     ("wheel", {"radius": 1}, "wheel: unknown field"),
@@ -268,14 +268,14 @@ WRONG_TABLES = [
 
 
 @pytest.mark.parametrize("table, entries, text", WRONG_TABLES)
-def test_what_is_wrong_with_a_table_is_told_at_once(table: str, entries: dict[str, Any], text: str) -> None:
+def test_faults_of_a_table_are_reported_at_once(table: str, entries: dict[str, Any], text: str) -> None:
     model = signorini.Model(signorini.rectangle([3, 1], [12, 4]))
     with pytest.raises(ValueError, match=text):
         model.add(table, **entries)
-    assert "nothing said yet" in repr(model)
+    assert "nothing stated yet" in repr(model)
 
 
-def test_what_is_wrong_with_a_model_is_told_when_it_is_built() -> None:
+def test_faults_of_a_model_are_reported_when_it_is_built() -> None:
     wrong: list[tuple[Any, str]] = [
         (lambda m: m.support("lfet", x=0), 'support 2: there is no boundary "lfet".*did you mean "left"'),
         (lambda m: m.traction("top", pressure=[1.0, 2.0]), "traction: a quantity has 2 values, and the mesh 65 nodes"),
@@ -320,12 +320,12 @@ WRONG_MESHES = [
     ({"points": [[0], [1], [2]]}, "points: expected 2 or 3 columns, found 1"),
     ({"points": [["a", "b"]]}, "points: expected real numbers"),
     ({"cells": {"triangle": [[0, 1, 7]]}}, "names node 7"),
-    ({"cells": {"triangle": [[0, 1, -2]]}}, "-2 is no number of a node"),
+    ({"cells": {"triangle": [[0, 1, -2]]}}, "-2 is not the number of a node"),
     ({"cells": {"triangle": [[0, 1]]}}, "a tri3 has 3 nodes, and the array has 2 columns"),
     ({"cells": {"triangle": [0, 1, 2]}}, "a row for each element"),
     ({"cells": {"triangle": [[0.0, 1.0, 2.0]]}}, "cells: expected integers"),
-    ({"cells": {"hexagon": [[0, 1, 2]]}}, "no elements are called 'hexagon'"),
-    ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are no elements of a mesh whose points have 2"),
+    ({"cells": {"hexagon": [[0, 1, 2]]}}, "there are no elements 'hexagon'"),
+    ({"cells": {"tetra": [[0, 1, 2, 0]]}}, "tet4 are not elements of a mesh whose points have 2"),
     ({"cells": {}}, "the mesh has no elements"),
     ({"cells": {"triangle": [[0, 1, 1]]}}, "element 0"),
     ({"regions": {"a": [3]}}, "regions: 'a' names an element that does not exist"),
@@ -354,7 +354,7 @@ def test_meshes_of_files(tmp_path: Path) -> None:
     (tmp_path / "wrong.msh").write_text("nonsense")
     with pytest.raises(signorini.ModelError, match="wrong.msh"):
         signorini.Mesh.read(tmp_path / "wrong.msh")
-    with pytest.raises(signorini.ModelError, match="order is that of the elements"):
+    with pytest.raises(signorini.ModelError, match="order is the order of the elements"):
         signorini.Mesh.read(EXAMPLES / "bracket.msh", order=3)
 
 
@@ -375,7 +375,7 @@ def test_meshio_and_the_reader_see_the_same_mesh(file: str) -> None:
 
 
 def test_meshio_there_and_back(tmp_path: Path) -> None:
-    """What is handed to meshio is what was solved; and a second-order mesh survives it."""
+    """The mesh passed to meshio is the solved one; and a second-order mesh survives it."""
     for order in (1, 2):
         solution = block(signorini.rectangle([3, 1], [6, 2], order=order)).traction("top", pressure=2e7).solve()
         grid = solution.to_meshio()
@@ -475,8 +475,8 @@ def test_point_sets_of_meshio_are_sets_of_nodes() -> None:
         signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, node_sets={"far": [99]})
 
 
-def test_fields_and_groups_go_on() -> None:
-    """What happens at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
+def test_fields_and_groups_are_passed_on() -> None:
+    """Fields at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
     solution = standing(signorini.Mesh.from_meshio(grid(False)))
     base = solution.contacts["base"]
     grid_of = solution.to_meshio()

@@ -27,7 +27,7 @@ def test_types() -> None:
         assert made.returncode == 0, made.stdout
 
 
-def test_stubs_name_what_there_is() -> None:
+def test_stubs_are_complete() -> None:
     tree = ast.parse((Path(signorini.__file__).parent / "_native.pyi").read_text(encoding="utf-8"))
 
     def names(of: Any) -> set[str]:
@@ -55,7 +55,7 @@ def object_of_no_type() -> Any:
     return {"no such key": 1}
 
 
-def test_everything_that_is_offered_is_there_and_said() -> None:
+def test_everything_offered_exists_and_is_documented() -> None:
     for name in signorini.__all__:
         assert getattr(signorini, name).__doc__, name
     assert set(signorini.__all__) <= set(dir(signorini))
@@ -90,7 +90,7 @@ def test_one_version_everywhere() -> None:
 
 @pytest.mark.parametrize("example", sorted((ROOT / "python" / "examples").glob("*.py")), ids=lambda path: path.stem)
 def test_examples(example: Path, tmp_path: Path) -> None:
-    """Each runs to its end, where it checks what it has found."""
+    """Each runs to its end, where it checks its result."""
     command = [sys.executable, str(example)]
     made = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=600)
     assert made.returncode == 0, made.stderr

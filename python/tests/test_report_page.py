@@ -17,7 +17,8 @@ pytestmark = pytest.mark.browser
 
 PRESSURE = 1e6
 
-# What a reader does: points at the middle, goes to the first load step by the slider, asks for the same colours in all steps.
+# The actions of a reader: pointing at the middle, moving the slider to the first load step, requesting the same colours in
+# all steps.
 READER = """
 <script>
 addEventListener("load", () => setTimeout(() => {

@@ -1,4 +1,4 @@
-// Included by every kernel, after what the host writes: `real`, `real2`, WIDTH and the flags.
+// Included by every kernel, after the declarations of the host: `real`, `real2`, WIDTH and the flags.
 
 /// The scalars of one CG run. Each dispatch reads one copy and one of its invocations writes the other,
 /// so that no invocation reads what another one writes in the same dispatch.
@@ -11,9 +11,9 @@ struct State {
     goal: real,
     /// rᵀ r at its start.
     rr_start: real,
-    /// What the iterations have lowered the energy error by: the sum of all α rᵀz.
+    /// The decrease of the energy error by the iterations: the sum of all α rᵀz.
     energy: real,
-    /// The same over the last full block of iterations and over the one that is under way.
+    /// The same over the last full block of iterations and over the unfinished one.
     full_block: real,
     open_block: real,
     /// The run is over once the estimate of the energy error is at most this, plus the next times the energy.
@@ -27,7 +27,7 @@ struct State {
     broken: u32,
     /// Finished iterations.
     iterations: u32,
-    /// Of them in the last full block and in the one that is under way.
+    /// The number of them in the last full block and in the unfinished one.
     in_full: u32,
     in_open: u32,
 }

@@ -1,6 +1,6 @@
 // Included by every kernel.
 
-/// What a dispatch works on. The host fills it; see `Params` there.
+/// The parameters of a dispatch. The host fills it; see `Params` there.
 struct Params {
     /// Entries to handle: pairs of unknowns, or (block) rows.
     count: u32,
@@ -13,7 +13,7 @@ struct Params {
     n_read: u32,
     /// Where the columns start in the structure of a matrix, behind the slices.
     columns: u32,
-    /// What a kernel does beside: see its head.
+    /// Options of a kernel: see its head.
     flags: u32,
     /// Coefficients of the smoother.
     c1: f32,

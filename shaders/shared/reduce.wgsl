@@ -1,7 +1,7 @@
 // Sums over a workgroup, always in the same order, hence the same in every run.
 
-/// Invocations that make the sums of the first stage. Two stages need two barriers where a tree needs
-/// seven; barriers are what costs on a software adapter.
+/// Invocations that make the sums of the first stage. Two stages need two barriers where a tree needs seven, and
+/// barriers determine the time on a software adapter.
 const STAGE: u32 = 16u;
 
 var<workgroup> values_of_lanes: array<real2, WIDTH>;
@@ -9,7 +9,7 @@ var<workgroup> sums_of_stage: array<real2, STAGE>;
 
 /// The sum of `value` over all invocations of the workgroup, known to all of them.
 ///
-/// May be called again at once: whoever writes an array anew has passed a barrier after its last reads.
+/// May be called again at once: a barrier separates the last reads of an array from the next writes.
 fn sum_over_workgroup(lane: u32, value: real2) -> real2 {
     values_of_lanes[lane] = value;
     workgroupBarrier();

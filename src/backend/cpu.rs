@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// Everything in f64 on the threads of rayon, but for the multigrid hierarchy, which is stored and applied
-/// as `S`. Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.
+/// Everything in f64 on the threads of rayon, except for the multigrid hierarchy, which is stored and applied as `S`.
+/// Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.
 #[derive(Debug, Default)]
 pub struct Cpu<S = f32> {
     stored: PhantomData<S>,
@@ -36,7 +36,7 @@ pub struct State {
     goal: f64,
     rr_start: f64,
     energy: f64,
-    /// α rᵀz over the last full block of iterations and over the one that is under way.
+    /// α rᵀz over the last full block of iterations and over the unfinished one.
     full_block: f64,
     open_block: f64,
     remaining_goal: f64,
@@ -108,7 +108,7 @@ impl State {
         self.curvature = curvature;
     }
 
-    /// Takes ‖r‖² after a step, and tells whether the run is over.
+    /// Takes ‖r‖² after a step, and returns whether the run is over.
     pub(crate) fn stepped(&mut self, rr: f64) {
         self.rr = rr;
         self.done = self.is_over();
@@ -120,7 +120,7 @@ impl State {
         (before != 0.0).then(|| rz / before)
     }
 
-    /// How far the run has come.
+    /// The progress of the run.
     pub(crate) fn progress(&self) -> Progress {
         Progress {
             iterations: self.iterations,
@@ -293,7 +293,7 @@ impl<S: Real> Backend for Cpu<S> {
             .zip(z.par_chunks(TASK))
             .for_each(|(p, z)| {
                 for (p, z) in p.iter_mut().zip(z) {
-                    // What p holds before the first iteration may not even be a number.
+                    // Before the first iteration p may not even be a number.
                     *p = z.to_f64() + beta.map_or(0.0, |beta| beta * *p);
                 }
             });
@@ -381,7 +381,7 @@ impl<S: Real> Backend for Cpu<S> {
         x: &mut Vec<S>,
     ) {
         let LevelMatrix::Full(patches) = patches else {
-            unreachable!("no other matrices than those that are smoothed with are stored by half");
+            unreachable!("only matrices used for smoothing are stored by half");
         };
         if !state.done {
             levels::smooth_patches(patches, c1, c2, r, d, x);

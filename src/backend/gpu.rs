@@ -1,14 +1,13 @@
 //! A GPU, through wgpu: the WGSL kernels in `shaders/`.
 //!
-//! - **Segments.** No storage binding may exceed a limit of the adapter (128 MiB on a software adapter,
-//!   2 GiB − 1 on real ones), so vectors are cut into segments and matrices into parts (rows of one segment ×
-//!   columns of one segment, cut further by rows); each gets a dispatch of its own. Nearly always there
-//!   is one of each.
-//! - **Scalars stay on the device.** Every workgroup adds up the partial sums that the dispatch before has
-//!   left, in the same order, so that all know α and β without another dispatch, and one of them writes
-//!   the state for the next dispatch. After the run is done, kernels return at once.
-//! - **Submissions** hold a bounded amount of work, far below the seconds after which a driver takes the
-//!   device away, and at most a few are under way at a time.
+//! - **Segments.** No storage binding may exceed a limit of the adapter (128 MiB on a software adapter, 2 GiB − 1 on
+//!   real ones), so vectors are cut into segments and matrices into parts (rows of one segment × columns of one
+//!   segment, cut further by rows); each gets its own dispatch. Nearly always there is one of each.
+//! - **Scalars stay on the device.** Every workgroup adds up the partial sums of the dispatch before, in the same
+//!   order, so that all know α and β without another dispatch, and one of them writes the state for the next dispatch.
+//!   Once the run is finished, kernels return at once.
+//! - **Submissions** hold a bounded amount of work, far below the seconds after which a driver resets the device, and
+//!   at most a few are pending at a time.
 
 mod arrays;
 mod buffers;
@@ -69,7 +68,7 @@ struct Params {
 }
 
 impl Params {
-    /// What a uniform buffer holds of them.
+    /// Their words in a uniform buffer.
     fn words(self) -> [u32; 9] {
         let [c1, c2] = self.steps.map(f32::to_bits);
         [
@@ -98,7 +97,7 @@ pub struct Gpu {
     bind_groups: HashMap<(Kernel, [u64; 9]), wgpu::BindGroup>,
     uniforms: HashMap<[u32; 9], Handle>,
     gone: Arc<Mutex<Vec<u64>>>,
-    /// The state of a run that is never done, for products outside CG.
+    /// The state of a run that never ends, for products outside CG.
     idle: Handle,
     idle_partials: Handle,
     staging: Option<Handle>,
@@ -135,7 +134,7 @@ impl Gpu {
         })
     }
 
-    /// Bind groups and parameters that are kept for later: no more of them than there are buffers to bind.
+    /// Bind groups and parameters that are kept: at most one per buffer.
     pub fn kept(&self) -> usize {
         self.bind_groups.len() + self.uniforms.len()
     }
@@ -146,13 +145,13 @@ impl Gpu {
     }
 }
 
-/// How far the run of a CG state has come.
+/// The progress in a CG state.
 fn read_progress(precision: Precision, state: &[u8]) -> Progress {
     let mut reals = [0.0; STATE_REALS.len()];
     read_reals(precision, state, &mut reals);
     let words = state[reals.len() * precision.bytes()..].as_chunks().0;
     let words: [u32; STATE_WORDS.len()] = std::array::from_fn(|i| u32::from_ne_bytes(words[i]));
-    // As `STATE_REALS` and `STATE_WORDS` name them.
+    // In the order of `STATE_REALS` and `STATE_WORDS`.
     let [_, rr, goal, rr_start, energy, full_block, open_block, ..] = reals;
     let [done, broken, iterations, in_full, in_open] = words;
     Progress {

@@ -30,7 +30,7 @@ pub enum BuildError {
     Problem {
         /// The case file.
         case: String,
-        /// Why not.
+        /// The reason.
         source: ProblemError,
     },
     /// Something else about the case as a whole.
@@ -38,21 +38,21 @@ pub enum BuildError {
     Unsupported {
         /// The case file.
         case: String,
-        /// What is wrong.
+        /// The fault.
         message: String,
     },
 }
 
-/// The contact problem that a case is about, in either dimension.
+/// The contact problem of a case, in either dimension.
 #[derive(Debug)]
 pub enum CaseProblem {
-    /// That of the bodies of an elastic case.
+    /// The problem of the bodies of an elastic case.
     Elastic(Box<AnyBuilt>),
-    /// That of the matrices of an algebraic case.
+    /// The problem of the matrices of an algebraic case.
     Algebraic(AnyProblem),
 }
 
-/// What a case is about before K is made, in whichever dimension.
+/// The model or matrices of a case before K is made, in either dimension.
 #[cfg(feature = "mpi")]
 #[derive(Debug)]
 pub enum CaseDraft {
@@ -87,7 +87,7 @@ impl CaseProblem {
         }
     }
 
-    /// What there is to solve.
+    /// The problem to solve.
     pub fn analysis(&self) -> AnyAnalysis<'_> {
         match self {
             Self::Elastic(built) => built.as_ref().into(),
@@ -100,7 +100,7 @@ impl Case {
     /// Reads the mesh or the matrices, which choose between the plane and space, and assembles the contact problem.
     ///
     /// # Errors
-    /// If a file cannot be read, or the case cannot be meant as it stands: the error names the line or the file.
+    /// If a file cannot be read, or the case is inconsistent: the error names the line or the file.
     pub fn build(&self) -> Result<CaseProblem, BuildError> {
         if let Some(table) = &self.tables.algebraic {
             return Ok(CaseProblem::Algebraic(self.build_algebraic(table)?));
@@ -111,12 +111,12 @@ impl Case {
     /// Makes the mesh of `[mesh]`.
     ///
     /// # Errors
-    /// If there is none, a file cannot be read, or no mesh comes of it.
+    /// If there is none, a file cannot be read, or it gives no mesh.
     pub fn read_mesh(&self) -> Result<AnyMesh, BuildError> {
         self.mesh()
     }
 
-    /// Assembles the contact problem of what is said here on a mesh that is at hand, in place of `[mesh]`.
+    /// Assembles the contact problem of this case on a given mesh, which replaces `[mesh]`.
     ///
     /// # Errors
     /// As [`Case::build`].
@@ -127,7 +127,7 @@ impl Case {
         })))
     }
 
-    /// Reads the mesh or the matrices, and makes all of the contact problem but K: what several ranks begin with.
+    /// Reads the mesh or the matrices, and makes all of the contact problem except K, for several ranks.
     ///
     /// # Errors
     /// As [`Case::build`].
@@ -171,7 +171,7 @@ impl Case {
         }
     }
 
-    /// What is wrong with a part of the model, which was built by this case, said about the line that it stands in.
+    /// An error of the model that this case built, reported at the line of its part.
     pub fn at_line(&self, error: ModelError) -> BuildError {
         let ModelError { entity, fault } = error;
         let fault = *fault;
@@ -182,7 +182,7 @@ impl Case {
                     source,
                 };
             }
-            // Who states a mesh in a program has no physical groups.
+            // A mesh stated by a program has no physical groups.
             Fault::NoBoundary {
                 ref name,
                 ref known,
@@ -214,14 +214,14 @@ impl Case {
             _ if entity.kind == EntityKind::Equal && entity.number.is_some() => {
                 format!("equal {}: {fault}", entity.place)
             }
-            // The line tells which part it is; who has given it a name knows it by that.
+            // The line identifies the part; a name from the user does so too.
             _ if entity.place.starts_with('"') => format!("{entity}: {fault}"),
             _ => fault.to_string(),
         };
         self.at(&entity.path(), message).into()
     }
 
-    /// That a boundary is not there, where its part of the mesh has none while others have.
+    /// The error about a missing boundary whose part of the mesh has none, while other parts have some.
     fn part_without_boundaries(
         &self,
         name: &str,
@@ -259,7 +259,7 @@ impl Case {
             None => Vec::new(),
         };
         if let Some(i) = tied.iter().position(|&v| v != 0.0 && v != 1.0) {
-            let message = format!("entry {} of tied is {}: it must be 1, or 0", i + 1, tied[i]);
+            let message = format!("entry {} of tied is {}: it must be 0 or 1", i + 1, tied[i]);
             return Err(self.unsupported(message));
         }
         let tied = tied.iter().map(|&v| v == 1.0).collect();

@@ -6,7 +6,7 @@ use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
 use crate::model::{Axis, Definition, Quantity, as_vector};
 use std::path::{Path, PathBuf};
 
-/// Where a mesh comes from.
+/// The source of a mesh.
 enum Source<'a> {
     /// A file, the factor for its coordinates, and the cell array that names its regions.
     File(&'a Path, f64, Option<&'a str>),
@@ -15,7 +15,7 @@ enum Source<'a> {
 }
 
 impl Source<'_> {
-    /// Of its mesh, where that shows without a file.
+    /// The dimension of its mesh, if it is known without a file.
     fn dimension(&self) -> Option<usize> {
         match self {
             Self::File(..) => None,
@@ -25,7 +25,7 @@ impl Source<'_> {
     }
 }
 
-/// What a table says of where its mesh comes from.
+/// The sources of a mesh that a table states.
 struct Stated<'a> {
     file: &'a Option<PathBuf>,
     scale: Option<f64>,
@@ -61,7 +61,7 @@ impl PartTable {
 }
 
 impl<'a> Stated<'a> {
-    /// The one place that a table names; `what` is that table.
+    /// The one source in a table; `what` is the name of that table.
     fn source(self, what: &str) -> Result<Source<'a>, String> {
         let (name, source) = match (self.file, self.rectangle, self.block) {
             (Some(_), None, None) if self.scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) => {
@@ -71,7 +71,7 @@ impl<'a> Stated<'a> {
                 let groups = self.cell_data.as_deref();
                 if groups.is_some() && !mesh::has_cell_arrays(file) {
                     return Err(
-                        "cell_data belongs to a .vtu file: others say themselves what is a region"
+                        "cell_data applies only to .vtu files: other formats name their regions themselves"
                             .to_owned(),
                     );
                 }
@@ -81,7 +81,7 @@ impl<'a> Stated<'a> {
             (None, None, Some(block)) => ("box", Source::Box(block)),
             (None, None, None) => {
                 return Err(format!(
-                    "{what} says nothing of the bodies: it needs either file or rectangle or, for a solid, box"
+                    "{what} describes no bodies: give it file, rectangle or, for a solid, box"
                 ));
             }
             (file, rectangle, block) => {
@@ -99,11 +99,11 @@ impl<'a> Stated<'a> {
             }
         };
         if self.cell_data.is_some() {
-            return Err("cell_data belongs to a .vtu file".to_owned());
+            return Err("cell_data applies only to .vtu files".to_owned());
         }
         if self.scale.is_some() {
             return Err(format!(
-                "scale belongs to a mesh file: give the {name} its size in metres"
+                "scale applies only to mesh files: give the {name} its size in metres"
             ));
         }
         match &source {
@@ -115,7 +115,7 @@ impl<'a> Stated<'a> {
     }
 }
 
-/// Whether cells can be made of a rectangle or a box.
+/// Checks that a rectangle or a box can be divided into cells.
 fn check_cells<const D: usize>(
     name: &str,
     origin: [f64; D],
@@ -144,12 +144,12 @@ impl Case {
             None | Some(1 | 2) => Ok(order),
             Some(_) => {
                 let at = format!("{at}.order");
-                self.invalid(&at, "order is that of the elements: 1 or 2")
+                self.invalid(&at, "order is the order of the elements: 1 or 2")
             }
         }
     }
 
-    /// `[mesh]` and its tables, as far as that can be checked without the files; its dimension, if it shows.
+    /// Checks `[mesh]` and its tables as far as possible without the files; returns its dimension, if known.
     pub(super) fn check_mesh(&self) -> Result<Option<usize>, CaseError> {
         let Some(mesh) = &self.tables.mesh else {
             return Ok(None);
@@ -185,7 +185,7 @@ impl Case {
                 return self.invalid(
                     at,
                     format!(
-                        "the name \"{}\" of the part is empty or stands twice",
+                        "the name \"{}\" of the part is empty or used twice",
                         part.name
                     ),
                 );
@@ -242,7 +242,7 @@ impl Case {
         Ok(whole.expect("there are parts"))
     }
 
-    /// The mesh that is at hand, of the order and size that the table asks for.
+    /// The given mesh, with the order and size of the table.
     fn given_mesh<const D: usize>(&self, mesh: Mesh<D>) -> Result<Mesh<D>, CaseError>
     where
         ElementKind: Topology<D>,
@@ -252,7 +252,7 @@ impl Case {
         };
         let order = self.order(MESH, table.order)?;
         let definition: Definition<D> = self.said()?;
-        // Forces are those of the nodes that they are stated for: others would change what they add up to.
+        // Forces act on the nodes they are stated for: other nodes would change their sum.
         let loaded: Vec<&str> = (definition.forces.iter())
             .flat_map(|force| force.sets())
             .map(String::as_str)
@@ -272,7 +272,8 @@ impl Case {
         let after = counts(&mesh);
         if let Some(number) = (0..before.len()).find(|&number| before[number] != after[number]) {
             let message = format!(
-                "another order gives the set \"{}\" {} nodes in place of {}, and each has the force stated: state a traction",
+                "another order gives the set \"{}\" {} nodes instead of {}, and the stated force acts on each: state \
+                 a traction",
                 loaded[number], after[number], before[number]
             );
             return self.invalid(MESH, message);
@@ -283,23 +284,24 @@ impl Case {
         Ok(mesh)
     }
 
-    /// Numbers as a vector of the mesh that is to be.
+    /// Numbers as a vector in the dimension of the future mesh.
     fn vector<const D: usize>(&self, at: &str, entries: &[f64]) -> Result<[f64; D], CaseError> {
         as_vector(entries).or_else(|message| self.invalid(at, message))
     }
 
-    /// What a part is turned about.
+    /// The axis of a part's rotation.
     fn axis<const D: usize>(&self, at: &str, table: &RotateTable) -> Result<Axis<D>, CaseError> {
         let point = table.point.as_ref();
         let point = point.map(|point| self.vector(&format!("{at}.point"), point));
         let way = &format!("{at}.axis");
         let direction = match &table.axis {
             Some(_) if D == 2 => {
-                let text = "in the plane an axis is a point and stands upright: leave out axis";
+                let text =
+                    "in the plane an axis is a point, perpendicular to the plane: leave out axis";
                 return self.invalid(way, text);
             }
             None if D == 3 => {
-                let text = "in space there has to be an axis: axis = [x, y, z], its direction";
+                let text = "in space an axis is needed: axis = [x, y, z], its direction";
                 return self.invalid(at, text);
             }
             axis => axis.as_ref().map(|axis| self.vector(way, axis)),
@@ -325,7 +327,7 @@ impl Case {
                 return self.invalid(at, fault);
             }
             if !table.angle.is_finite() {
-                return self.invalid(at, "the angle has to be finite");
+                return self.invalid(at, "the angle must be finite");
             }
             mesh.place_nodes(|x| axis.turned(x, table.angle.to_radians()));
         }
@@ -341,7 +343,7 @@ impl Case {
         Ok(mesh)
     }
 
-    /// A part of the mesh beside those before it.
+    /// A part of the mesh, joined to those before it.
     fn joined<const D: usize>(
         &self,
         at: &str,
@@ -359,7 +361,7 @@ impl Case {
             Some(name) => self.invalid(
                 at,
                 format!(
-                    "two parts have a region or boundary called \"{name}\": name the parts otherwise"
+                    "two parts have a region or boundary called \"{name}\": give the parts other names"
                 ),
             ),
         }
@@ -382,7 +384,7 @@ impl Case {
                     },
                 }
             }
-            // Where a map bends the sides, it bends the nodes in their middle, too.
+            // A map that bends the sides also bends their midside nodes.
             Ok(Source::Rectangle(r)) => {
                 let mesh = structured::rectangle(r.origin, r.size, r.cells, r.shape, "body", "");
                 let mesh = self.raised(at, mesh, order)?;
@@ -413,7 +415,7 @@ impl Case {
         }
     }
 
-    /// A structured mesh, bent as its table says.
+    /// A structured mesh, bent by its table.
     fn mapped<const D: usize>(
         &self,
         at: &str,
@@ -450,5 +452,5 @@ fn part_at(number: usize) -> String {
 }
 
 /// Parts that do not go together.
-const MIXED: &str = "the parts of a mesh are all of the plane (rectangles, files with surfaces) or all of space (boxes, \
+const MIXED: &str = "the parts of a mesh must all be plane (rectangles, files with surfaces) or all solid (boxes, \
                      files with volumes): this one differs from those before it";

@@ -22,9 +22,9 @@ pub struct SolverTable {
     pub method: ssnm::Method,
     /// Outer steps of one solve at most.
     pub max_iterations: usize,
-    /// Of the whole run, such as `10min`; none if left out.
+    /// For the whole run, such as `10min`; none if left out.
     pub time_limit: Option<String>,
-    /// How far slip bounds of rounds converge under Coulomb's law; ten times the tolerance if left out.
+    /// The convergence of the slip bounds of rounds under Coulomb's law; ten times the tolerance if left out.
     pub friction_tolerance: Option<f64>,
     /// Rounds with frozen slip bounds at most.
     pub max_rounds: usize,
@@ -89,7 +89,7 @@ impl Case {
     }
 }
 
-/// A duration such as "2h 30min"; None where it is longer than can be counted, which is as good as no limit.
+/// A duration such as "2h 30min"; None if it overflows, which is as good as no limit.
 fn duration(text: &str) -> Result<Option<Duration>, humantime::DurationError> {
     // Piece by piece: humantime itself panics where a sum of several overflows.
     let mut pieces = vec![String::new()];

@@ -1,5 +1,5 @@
-//! The tables of a case file that are no part of a model: where the mesh or the matrices come from, and how to solve.
-//! What is said of bodies are the types of `model` themselves.
+//! The tables of a case file that are not part of a model: the source of the mesh or the matrices, and the solver. The
+//! tables of bodies are the types of `model` themselves.
 
 use super::SolverTable;
 use crate::mesh::structured::{CellShape, SolidShape};
@@ -14,7 +14,7 @@ pub struct Tables {
     /// A title for the report.
     #[serde(default)]
     pub title: String,
-    /// What lengths and forces are called.
+    /// The names of lengths and forces.
     pub units: Option<Units>,
     /// The bodies, unless the case is algebraic.
     pub mesh: Option<MeshTable>,
@@ -52,7 +52,7 @@ pub struct MeshTable {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartTable {
-    /// What its regions and boundaries begin with.
+    /// The prefix of its regions and boundaries.
     pub name: String,
     /// A file of Gmsh, Abaqus (`.inp`) or VTK (`.vtu`), relative to the case file.
     pub file: Option<PathBuf>,
@@ -65,11 +65,11 @@ pub struct PartTable {
     /// A structured box.
     #[serde(rename = "box")]
     pub block: Option<BoxTable>,
-    /// As in `[mesh]`, for this part alone.
+    /// As in `[mesh]`, only for this part.
     pub order: Option<usize>,
     /// A turn about an axis, after scaling.
     pub rotate: Option<RotateTable>,
-    /// Where its origin is moved to, after scaling and turning: a number for each coordinate.
+    /// The shift of its origin, after scaling and rotation: a number for each coordinate.
     pub shift: Option<Vec<f64>>,
 }
 
@@ -89,7 +89,7 @@ pub struct RectangleTable {
     /// `quad` or `triangle`.
     #[serde(default)]
     pub shape: CellShape,
-    /// Where the point (x, y) of the rectangle goes: bends it, or grades its mesh.
+    /// The new position of the point (x, y) of the rectangle: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
     pub map: Option<[Quantity<2>; 2]>,
 }
@@ -110,7 +110,7 @@ pub struct BoxTable {
     /// `hexahedron`, `tetrahedron` or `wedge`.
     #[serde(default)]
     pub shape: SolidShape,
-    /// Where the point (x, y, z) of the box goes: bends it, or grades its mesh.
+    /// The new position of the point (x, y, z) of the box: bends it, or grades its mesh.
     #[serde(default, deserialize_with = "exactly_or_none")]
     pub map: Option<[Quantity<3>; 3]>,
 }
@@ -127,7 +127,7 @@ pub struct RotateTable {
     pub angle: f64,
 }
 
-/// As [`exactly`], for an entry that may be left out.
+/// Like [`exactly`], for an optional entry.
 fn exactly_or_none<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     from: D,
 ) -> Result<Option<[T; N]>, D::Error> {
@@ -148,21 +148,21 @@ pub struct AlgebraicTable {
     pub tangential: PathBuf,
     /// d, m.
     pub gap: PathBuf,
-    /// Whether entries of d below 0 are meant.
+    /// Whether entries of d below 0 are intended.
     #[serde(default)]
     pub interference: bool,
     /// g, m, or
     pub slip_bound: Option<PathBuf>,
     /// μ, m: Coulomb friction.
     pub friction_coefficient: Option<PathBuf>,
-    /// Which nodes are tied, an entry per row of N: 1, or 0. None if left out.
+    /// The tied nodes, an entry per row of N: 1 or 0. None if left out.
     pub tied: Option<PathBuf>,
-    /// Where slip is counted from, an entry per row of T; zero if left out.
+    /// The origin of slip, an entry per row of T; zero if left out.
     pub slip_origin: Option<PathBuf>,
     /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
     pub compliance: Option<PathBuf>,
-    /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet
-    /// of another: forces on the bodies are unique even so, multipliers need not be.
+    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet
+    /// of another: forces on the bodies are still unique, multipliers need not be.
     #[serde(default)]
     pub dependent_rows: bool,
     /// n/2 × 2; in space n/3 × 3.

@@ -4,7 +4,7 @@ use crate::model::{Definition, Support};
 
 const MESH: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n";
 
-/// Each kind of which there may be several, once.
+/// Each kind that may occur several times, once.
 const ONE_OF_EACH: &str = "\
     [[material]]\nyoung = 1\npoisson = 0\n\
     [[support]]\nboundary = \"left\"\nx = 0\n\
@@ -32,7 +32,7 @@ fn refusal(text: &str) -> String {
     }
 }
 
-/// What is read of a text and written again.
+/// A text after reading and writing.
 fn written<const D: usize>(text: &str) -> String {
     let read: Result<Definition<D>, _> = text::read(text);
     let mut document = toml_edit::DocumentMut::new();
@@ -44,9 +44,9 @@ fn written<const D: usize>(text: &str) -> String {
     }
 }
 
-/// Every key of every table that is read is written, with the value that it has in the text.
+/// Every key of every table that is read is written, with its value in the text.
 #[test]
-fn what_is_read_is_written() {
+fn entries_read_are_written() {
     let plane = r#"
 [units]
 length = "mm"
@@ -225,7 +225,7 @@ fn a_function_of_a_program_is_not_written() {
 /// A model would accept a kind without checks if the kind had a key but no entry in `parts`. Nobody would find a kind without
 /// documentation or without a method in Python.
 #[test]
-fn every_kind_is_a_part_and_is_told_of() {
+fn every_kind_is_a_part_and_documented() {
     let definition: Definition = match text::read(ONE_OF_EACH) {
         Ok(definition) => definition,
         Err(error) => panic!("{error}"),
@@ -267,7 +267,7 @@ fn a_case_of_matrices_has_no_table_of_a_model() {
 }
 
 #[test]
-fn a_list_in_single_brackets_is_told_of_the_double_ones() {
+fn a_list_in_single_brackets_is_pointed_to_double_ones() {
     for key in lists() {
         let said = refusal(&format!("{MESH}[{key}]\n"));
         let expected = format!("write [[{key}]], with double brackets");
@@ -275,12 +275,12 @@ fn a_list_in_single_brackets_is_told_of_the_double_ones() {
     }
     let said = refusal("[mesh.part]\nname = \"a\"\n");
     assert!(said.contains("write [[mesh.part]]"), "{said}");
-    // What is no table needs no brackets.
+    // Only tables need brackets.
     let said = refusal(&format!("{MESH}[steps]\nfactors = {{ a = 1 }}\n"));
     assert!(!said.contains("brackets"), "{said}");
 }
 
-/// The path of what is at fault leads to its line, to the first or the last of several, to what it would lie in, and to its words.
+/// The path of a fault leads to its line, to the first or the last of several, to its parent if it is missing, and to its words.
 #[test]
 fn paths_lead_to_lines_and_words() {
     let text = format!(
@@ -306,7 +306,7 @@ fn paths_lead_to_lines_and_words() {
     }
 }
 
-/// What is wrong with a deck is told of its own lines, in the dimension of its mesh.
+/// Faults of a deck are reported at its own lines, in the dimension of its mesh.
 #[test]
 fn tables_of_a_deck_have_its_lines() {
     let mesh = block(

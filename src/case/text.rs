@@ -15,7 +15,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 use toml_edit::{DocumentMut, Item, Value};
 
-/// What a deck says as the text of a case file, with a comment above each table that names its line.
+/// A deck as the text of a case file, with a comment above each table that names its line.
 pub(super) fn of_deck(deck: &Deck) -> String {
     let mut document = DocumentMut::new();
     if !deck.title.is_empty() {
@@ -42,7 +42,7 @@ pub(super) fn of_deck(deck: &Deck) -> String {
     document.to_string().trim_start().to_owned()
 }
 
-/// Adds the tables of what is said of a mesh to a document.
+/// Adds the tables of a model to a document.
 ///
 /// # Errors
 /// If a quantity is a function that a program states.
@@ -87,7 +87,7 @@ pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), Strin
         .split_once('=')
         .ok_or("write it as key.path=value")?;
     let value = value.trim();
-    // What is no TOML value is meant as a string, so that shells need no second pair of quotes.
+    // A value that is not TOML counts as a string, so that shells need no second pair of quotes.
     let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
     let mut parts: Vec<&str> = key.trim().split('.').collect();
     let last = parts
@@ -114,7 +114,7 @@ pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), Strin
             Err(_) => {
                 let table = item
                     .as_table_like_mut()
-                    .ok_or_else(|| format!("\"{part}\" lies in something that is no table"))?;
+                    .ok_or_else(|| format!("\"{part}\" is inside an entry that is not a table"))?;
                 if !table.contains_key(part) {
                     table.insert(part, Item::Table(toml_edit::Table::new()));
                 }
@@ -134,8 +134,8 @@ pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), Strin
     }
     let table = item
         .as_table_like_mut()
-        .ok_or_else(|| format!("\"{last}\" would lie in something that is no table"))?;
-    // Of these only one entry can stand: a new one replaces what was there.
+        .ok_or_else(|| format!("\"{last}\" would be inside an entry that is not a table"))?;
+    // Only one of these entries is allowed: a new one replaces the old one.
     if CHOICES.contains(&parent) {
         let others: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
         others.iter().filter(|key| *key != last).for_each(|key| {
@@ -148,7 +148,7 @@ pub(super) fn set(document: &mut DocumentMut, setting: &str) -> Result<(), Strin
 
 /// The keys that a type has as a table.
 fn keys<T: DeserializeOwned>() -> &'static [&'static str] {
-    /// Hears which fields are asked for, and has none.
+    /// Records the requested fields, and has none.
     struct Ear<'a>(&'a mut &'static [&'static str]);
 
     impl<'de> Deserializer<'de> for Ear<'_> {
@@ -180,7 +180,7 @@ fn keys<T: DeserializeOwned>() -> &'static [&'static str] {
     found
 }
 
-/// The tables that say something of bodies, which those of matrices do not.
+/// The tables that describe bodies, which an algebraic case must not have.
 pub(super) static OF_BODIES: LazyLock<Vec<&str>> = LazyLock::new(|| {
     let all = keys::<Definition>().iter().copied();
     all.filter(|key| *key != "units").collect()
@@ -244,7 +244,7 @@ impl<'de> Visitor<'de> for Nothing {
     }
 }
 
-/// Where an entry stands in a text, or what it would lie in, and whether it is there itself.
+/// The range of an entry in a text, or of its parent, and whether the entry itself exists.
 fn found(text: &str, path: &str) -> Option<(Range<usize>, bool)> {
     let document = DeTable::parse(text).ok()?.into_inner();
     let (root, mut span) = (DeValue::Table(document), None);
@@ -272,7 +272,7 @@ pub(super) fn has(text: &str, path: &str) -> bool {
     found(text, path).is_some_and(|(_, whole)| whole)
 }
 
-/// Where an entry stands in a text, or what it would lie in; where there is nothing of it, the mesh.
+/// The range of an entry in a text, or of its parent; if neither exists, that of the mesh.
 pub(super) fn span(text: &str, path: &str) -> Range<usize> {
     let found = found(text, path).or_else(|| found(text, "mesh"));
     match path {
@@ -281,7 +281,7 @@ pub(super) fn span(text: &str, path: &str) -> Range<usize> {
     }
 }
 
-/// The path of the entry that stands at a place of a text, as far as there is one.
+/// The path of the entry at a position of a text, as far as there is one.
 pub(super) fn path(text: &str, at: usize) -> String {
     /// The path that ends the farthest inside.
     fn inside(item: &DeValue, at: usize, path: &str) -> Option<String> {
@@ -294,7 +294,7 @@ pub(super) fn path(text: &str, at: usize) -> String {
                 deeper.or_else(|| (has(key.span()) || has(value.span())).then_some(path))
             }),
             DeValue::Array(list) => list.iter().enumerate().find_map(|(number, value)| {
-                // Numbers in a list have no name of their own.
+                // Numbers in a list have no names.
                 let path = match value.get_ref() {
                     DeValue::Table(_) => format!("{path}[{number}]"),
                     _ => path.to_owned(),
@@ -339,7 +339,7 @@ pub(super) fn words(text: &str, path: &str) -> String {
     words
 }
 
-/// A message of the parser about an entry, with the known key that an unknown one may have meant.
+/// A message of the parser about an entry, with the known key closest to an unknown one.
 pub(super) fn suggested(message: &str, path: &str) -> String {
     let quoted = |text: &str| -> Vec<String> {
         text.split('`')

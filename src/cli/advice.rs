@@ -1,4 +1,4 @@
-//! What to type about an error of the library, which knows no command line.
+//! Command-line remedies for errors of the library, which knows no command line.
 
 use signorini::backend::BackendError;
 #[cfg(feature = "gpu")]
@@ -12,7 +12,7 @@ use signorini::ssnm::{Cause, SolveError};
 use signorini::stiffness::pcg::PcgError;
 use std::error::Error;
 
-/// An error as the user reads it: what the library says, and what to type if that may help.
+/// An error as the user reads it: the library's message, and a command-line remedy if one may help.
 pub fn message_of(error: &(dyn Error + 'static)) -> String {
     match (error.downcast_ref(), advice(error)) {
         (Some(CaseError::Setting { setting, message }), _) => {
@@ -23,8 +23,8 @@ pub fn message_of(error: &(dyn Error + 'static)) -> String {
     }
 }
 
-/// For the first error known here, from the outermost inwards. An error that speaks for another one (`transparent`)
-/// is no source of it: those are opened by hand.
+/// For the first error known here, from the outermost inwards. A `transparent` error is not the source of the error
+/// inside, so those are unwrapped by hand.
 fn advice(error: &(dyn Error + 'static)) -> Option<&'static str> {
     if let Some(error) = error.downcast_ref() {
         match error {
@@ -72,7 +72,7 @@ fn advice(error: &(dyn Error + 'static)) -> Option<&'static str> {
 #[cfg(feature = "gpu")]
 fn no_device(error: &(dyn Error + 'static)) -> Option<&'static str> {
     match error.downcast_ref()? {
-        // A list of those that there are is advice enough.
+        // The list of adapters is advice enough.
         GpuError::NoAdapter(text) if text.contains('\n') => None,
         GpuError::NoAdapter(_) => Some("or use --backend cpu"),
         GpuError::Unsuitable { reason, .. } if reason.contains("f64") => {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_flag_helps_with_is_told_as_it_is() {
+    fn errors_without_a_flag_are_reported_as_they_are() {
         let lost = BackendError::Lost {
             adapter: "a GPU".to_owned(),
             reason: "unplugged".to_owned(),

@@ -113,7 +113,7 @@ where
     }
 }
 
-/// What is measured beside the CPU.
+/// The device measured beside the CPU.
 fn device(context: Option<&Context>) -> String {
     let Some(context) = context else {
         return "No adapter: only the CPU is measured.\n\n".to_owned();
@@ -128,7 +128,7 @@ fn device(context: Option<&Context>) -> String {
     format!("GPU: {adapter}, {driver}\n{warning}\n")
 }
 
-/// What is measured.
+/// The sizes to measure.
 struct Sizes {
     /// Refinements.
     k: Vec<usize>,
@@ -137,7 +137,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// As asked for, or those that suit the case.
+    /// As requested, or sizes that suit the case.
     fn new(arguments: &BenchArguments, k: [usize; 3], max_cholesky: usize) -> Self {
         Self {
             k: if arguments.k.is_empty() {
@@ -187,7 +187,7 @@ fn measure<const D: usize>(
     Ok((speeds, rows))
 }
 
-/// The device in every precision that was not excluded; none where there is no adapter and none was named.
+/// The device in every precision that was not excluded; empty without an adapter, unless one was named.
 fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
     let options = arguments.gpu.options();
     let named = options.adapter.is_some();

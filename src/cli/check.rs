@@ -35,7 +35,7 @@ pub fn run(path: &Path, ignored: &[String], settings: &[String]) -> Result<u8, S
     tell(lines, &notes)
 }
 
-/// What there is to say of a mesh, if the file is one.
+/// The description of a mesh, if the file is one.
 fn mesh_alone(path: &Path) -> Result<Option<u8>, String> {
     if !is_mesh(path)? {
         return Ok(None);
@@ -45,7 +45,7 @@ fn mesh_alone(path: &Path) -> Result<Option<u8>, String> {
     Ok(Some(0))
 }
 
-/// Tells what the mesh of a case has, which shows what may have been meant; what is wrong is told by the caller.
+/// Appends the contents of the case's mesh, which may show the name that the user wanted; the caller reports the error.
 fn with_mesh(case: &Case, error: String) -> String {
     if case.tables.mesh.is_some()
         && let Ok(mesh) = case.mesh()
@@ -112,7 +112,7 @@ pub fn on_ranks(
     tell(lines, &notes)
 }
 
-/// What was understood of a model, of which there is no K.
+/// The description of a model without assembling K.
 #[cfg(feature = "mpi")]
 fn describe_draft<const D: usize>(
     case: &Case,
@@ -138,7 +138,7 @@ where
     Ok(lines)
 }
 
-/// How the ranks would share the work.
+/// The distribution of the work among the ranks.
 #[cfg(feature = "mpi")]
 fn shares_of(shares: &Foreseen) -> impl Iterator<Item = String> {
     let line = |(rank, &(unknowns, mebibytes)): (usize, &(usize, f64))| {
@@ -155,7 +155,7 @@ fn titled(case: &Case) -> Vec<String> {
         .collect()
 }
 
-/// What was understood of a case.
+/// The description of a case.
 fn describe<const D: usize>(case: &Case, analysis: Analysis<D>) -> Result<Vec<String>, String>
 where
     ElementKind: Space<D>,
@@ -246,7 +246,7 @@ where
     }
 }
 
-/// The named boundaries, and what they are not good for.
+/// The named boundaries, and their faults.
 fn boundaries<const D: usize>(lines: &mut Vec<String>, case: &Case, mesh: &Mesh<D>)
 where
     ElementKind: Topology<D>,
@@ -260,9 +260,9 @@ where
         let extent = (facets.iter()).fold(0.0, |sum, f| sum + mesh.facet_normal(f).0);
         let fault = match mesh.faults.get(name) {
             Some(fault) if fault.kind != FaultKind::Inside => {
-                format!("; not to be used: {fault}")
+                format!("; unusable: {fault}")
             }
-            Some(fault) => format!("; not for contact and traction: {fault}"),
+            Some(fault) => format!("; unusable for contact and traction: {fault}"),
             None => String::new(),
         };
         lines.push(format!(
@@ -326,7 +326,7 @@ where
     if pair.is_equal() {
         let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" of "));
         lines.push(format!(
-            "equal         {name}\"{}\": {} nodes move as another one does, {}",
+            "equal         {name}\"{}\": {} nodes move alike with another node, {}",
             pair.boundary, pair.places, pair.friction
         ));
         return;
@@ -380,7 +380,7 @@ where
     }
 }
 
-/// How large the problem is, and what the direct path will take.
+/// The size of the problem, and the memory of the direct path.
 fn size<const D: usize>(problem: &ContactProblem<D>) -> String {
     let direct = match factor_bytes(problem) {
         Ok(bytes) => format!("about {:.1} MiB for", bytes as f64 / f64::from(1 << 20)),

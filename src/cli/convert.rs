@@ -22,14 +22,14 @@ pub fn run(
         return whole(input, output, ignored, scale, cell_data);
     }
     if !ignored.is_empty() {
-        return Err("--ignore belongs to a deck that becomes a case file (.toml)".to_owned());
+        return Err("--ignore applies only when a deck becomes a case file (.toml)".to_owned());
     }
     if !(scale > 0.0 && scale.is_finite()) {
         return Err("--scale must be a positive number".to_owned());
     }
     if !is_called("msh") {
         return Err(format!(
-            "{}: only files of Gmsh and, of a deck, case files are written: call it .msh or .toml",
+            "{}: only Gmsh meshes and, from a deck, case files are written: name the file .msh or .toml",
             output.display()
         ));
     }
@@ -42,7 +42,7 @@ pub fn run(
         ));
     }
     if cell_data.is_some() && !mesh::has_cell_arrays(input) {
-        return Err("--cell-data belongs to a .vtu file".to_owned());
+        return Err("--cell-data applies only to .vtu files".to_owned());
     }
     let read = mesh::read(input, scale, cell_data).map_err(|e| message_of(&e))?;
     write_whole(output, mesh::msh(&read).as_bytes()).map_err(|e| message_of(&e))?;
@@ -61,13 +61,13 @@ fn whole(
 ) -> Result<u8, String> {
     if !deck::is_deck(input) {
         return Err(format!(
-            "{}: only a deck of Abaqus or CalculiX (.inp) becomes a case file",
+            "{}: only an Abaqus or CalculiX deck (.inp) can become a case file",
             input.display()
         ));
     }
     if scale != 1.0 || cell_data.is_some() {
         return Err(
-            "--scale and --cell-data belong to a mesh: a deck has the units of its loads"
+            "--scale and --cell-data apply only to meshes: the coordinates of a deck are in the units of its loads"
                 .to_owned(),
         );
     }
@@ -76,7 +76,7 @@ fn whole(
     let deck = deck::read(input, &name, ignored).map_err(|e| message_of(&e))?;
     let (notes, mut lines) = (deck.notes.clone(), described(&deck.mesh));
     let text = mesh::msh(&deck.mesh);
-    // It has to be a case that makes sense before anything is written.
+    // It has to be a valid case before anything is written.
     let case = Case::of_deck(deck, &[]).map_err(|e| message_of(&e))?;
     write_whole(&mesh, text.as_bytes()).map_err(|e| message_of(&e))?;
     write_whole(output, case.text().as_bytes()).map_err(|e| message_of(&e))?;

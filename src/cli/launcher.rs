@@ -2,9 +2,9 @@
 
 use std::env;
 
-/// Where launchers say it: the number of a process, and how many there are; mpirun of Open MPI, then MPICH, Intel MPI and `srun
-/// --mpi=pmi2`, MVAPICH, and any `srun`. Slurm says more, such as `SLURM_NTASKS`, in the shell of `salloc` and in the script of `sbatch`
-/// as well, where a program runs alone: only `srun` counts the processes of its step.
+/// The variables in which launchers pass the number of a process and the number of processes: mpirun of Open MPI, then MPICH, Intel
+/// MPI and `srun --mpi=pmi2`, MVAPICH, and any `srun`. Other variables of Slurm, such as `SLURM_NTASKS`, are also set in the shell
+/// of `salloc` and in the script of `sbatch`, where a program runs alone: only `srun` counts the processes of its step.
 const LAUNCHERS: [[&str; 2]; 4] = [
     ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"],
     ["PMI_RANK", "PMI_SIZE"],
@@ -17,11 +17,11 @@ const LAUNCHERS: [[&str; 2]; 4] = [
 pub struct Place {
     /// Its number.
     pub rank: usize,
-    /// How many there are; more than one.
+    /// The number of processes; more than one.
     pub size: usize,
 }
 
-/// What a launcher says; None without one, and for a process that it has started alone.
+/// The place that the launcher passes; None without a launcher, and for a process that it started alone.
 pub fn place() -> Option<Place> {
     let number = |name: &str| env::var(name).ok()?.parse().ok();
     let place = LAUNCHERS.iter().find_map(|[rank, size]| {

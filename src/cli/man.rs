@@ -8,7 +8,7 @@ use signorini::output::write_whole;
 use std::path::Path;
 
 pub fn run(directory: Option<&Path>) -> Result<u8, String> {
-    // `help` has nothing to say that the pages do not; building gives commands their full names.
+    // `help` adds nothing to the pages; building gives commands their full names.
     let mut program = Cli::command().disable_help_subcommand(true);
     program.build();
     match directory {
@@ -32,6 +32,6 @@ pub fn run(directory: Option<&Path>) -> Result<u8, String> {
 fn page(man: &Man) -> String {
     let mut text = Vec::new();
     man.render(&mut text).expect("memory takes all");
-    // What follows the options is about exit codes; it stands where readers of man pages look for them.
+    // The text after the options is about exit codes; readers of man pages look for it under this heading.
     String::from_utf8_lossy(&text).replace(".SH EXTRA\n", ".SH \"EXIT STATUS\"\n")
 }

@@ -1,4 +1,4 @@
-//! What `check` and `convert` say about a mesh.
+//! The description of a mesh in `check` and `convert`.
 
 use signorini::mesh::{AnyMesh, ElementKind, Mesh, Topology};
 use std::collections::BTreeSet;
@@ -39,8 +39,8 @@ where
     lines
 }
 
-/// How many elements of each kind a mesh has, and of which order where that is not the first; in the plane triangles and
-/// quadrilaterals of first order even where there are none.
+/// The number of elements of each kind, with their order if it is not the first; in the plane triangles and
+/// quadrilaterals of first order even if there are zero.
 fn elements<const D: usize>(mesh: &Mesh<D>) -> String
 where
     ElementKind: Topology<D>,
@@ -81,7 +81,7 @@ where
     counted.join(", ") + order
 }
 
-/// How large a mesh is: nodes, elements, bodies, the box around it.
+/// The size of a mesh: nodes, elements, bodies, the box around it.
 pub(super) fn size<const D: usize>(mesh: &Mesh<D>) -> String
 where
     ElementKind: Topology<D>,
@@ -100,7 +100,7 @@ where
     )
 }
 
-/// What the file of a mesh says and is not done.
+/// Entries of a mesh file that have no effect.
 pub(super) fn notes<const D: usize>(mesh: &Mesh<D>) -> impl Iterator<Item = String>
 where
     ElementKind: Topology<D>,

@@ -27,19 +27,19 @@ static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// Set when everything has been read.
 static READ: AtomicBool = AtomicBool::new(false);
 
-/// Ends the program after Ctrl-C if it is still reading, or reads again: nothing has been computed that could be written,
-/// and a pipe may never end. A file that is read at once is let pass: the run then leaves its report.
+/// Ends the program after Ctrl-C while it is still reading: there are no results to write, and a pipe may never end. A
+/// file that is read at once is not interrupted: the run then leaves its report.
 fn leave_reading() {
     while !READ.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
         if is_reading() {
-            eprintln!("interrupted while the case was read: nothing has been computed");
+            eprintln!("interrupted while reading the case: nothing has been computed");
             std::process::exit(NOT_CONVERGED.into());
         }
     }
 }
 
-/// Makes Ctrl-C, and SIGTERM, a matter of [`INTERRUPTED`]. The second one ends the program at once.
+/// Ctrl-C and SIGTERM set [`INTERRUPTED`]. The second one ends the program at once.
 fn hear_interrupts() {
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -49,7 +49,7 @@ fn hear_interrupts() {
     });
 }
 
-/// Where the results go.
+/// The directory of the results.
 fn output_directory(arguments: &SolveArguments) -> PathBuf {
     match &arguments.output {
         Some(directory) => directory.clone(),
@@ -77,7 +77,7 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
     let (case, notes) = match read {
         Ok(read) => read,
         Err(message) => {
-            // The case comes first in what the user has to mend.
+            // Errors in the case come first, because the user has to fix them first.
             let _ = withdraw(&output, std::slice::from_ref(&arguments.case));
             return Err(message);
         }
@@ -113,7 +113,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Solves, writes and tells; the exit code.
+    /// Solves, writes and reports; the exit code.
     fn make<const D: usize>(&self, analysis: Analysis<D>) -> Result<u8, String>
     where
         ElementKind: Draw<D>,
@@ -131,7 +131,7 @@ impl Run<'_> {
         let timings = &mut results.report.timings;
         timings.mesh = made - timings.assembly;
         log.say(format_args!(
-            "n = {}, m = {}: assembled in {made:.3} s, of which the contacts {:.4} s",
+            "n = {}, m = {}: assembled in {made:.3} s (contacts {:.4} s)",
             analysis.problem.n_free(),
             analysis.problem.m(),
             timings.pairing
@@ -139,7 +139,7 @@ impl Run<'_> {
         for body in analysis.floating_bodies() {
             log.tell(&body);
         }
-        // What was finished before an error is written nevertheless.
+        // Results finished before an error are written nevertheless.
         let solved = self.solve(analysis, &mut results);
         if let Err(error) = &solved {
             results.report.fail(error);
@@ -222,10 +222,10 @@ impl Run<'_> {
     }
 }
 
-/// Gives the system back what was freed before the first load step: glibc keeps it, 0.3 GiB at a million unknowns.
+/// Returns memory freed before the first load step to the system: glibc keeps it, 0.3 GiB at a million unknowns.
 fn give_back_freed() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    // SAFETY: it touches nothing but free memory.
+    // SAFETY: it touches only free memory.
     unsafe {
         libc::malloc_trim(0);
     }

@@ -1,16 +1,16 @@
 //! Nodes that move alike: each is tied to the first of its set, along some axes or all.
 //!
-//! u_i − u_1 = 0 along an axis is a row with a multiplier that is free, as those of ties are; along an axis that is left out the row is
-//! empty. The multiplier is the force that moves the node with the others, and the first node has all of them, the other way round.
+//! u_i − u_1 = 0 along an axis is a row with a free multiplier, as in ties; along other axes the row is empty. The multiplier is
+//! the force that moves the node with the others, and all of them act on the first node in the opposite direction.
 
 use super::nodes::shares;
 use super::{ContactPlace, SlipBound};
 use crate::elasticity::Body;
 use crate::mesh::{ElementKind, Topology};
 
-/// The places of sets of nodes that move alike along the axes that are `bound`: one at each node but the first of its set, between it
-/// and that one. Its area is the share that the node has of the outer facets around it, or 1 without any, so that its pressure is its
-/// force.
+/// The places of sets of nodes that move alike along the axes that are `bound`: one at each node except the first of its set,
+/// between it and that one. Its area is the share that the node has of the outer facets around it, or 1 without any, so that its
+/// pressure is its force.
 pub fn equal_nodes<const D: usize>(
     body: &Body<D>,
     sets: &[Vec<u32>],

@@ -1,5 +1,5 @@
-//! Contact between two boundaries whose meshes need not match: a segment-based mortar method with dual
-//! (biorthogonal) multipliers that belong to places.
+//! Contact between two boundaries whose meshes need not match: a segment-based mortar method with dual (biorthogonal) multipliers
+//! that belong to places.
 //!
 //! The condition of place i on the slave boundary is
 //!
@@ -7,38 +7,37 @@
 //! νᵢ · (Σₖ (Wᵢₖ/Dᵢ) uₖ − Σⱼ (Mᵢⱼ/Dᵢ) uⱼ) ≤ dᵢ,     Dᵢ = ∫ βᵢ ds,   Wᵢₖ = ∫ ψᵢ φₖ ds,   Mᵢⱼ = ∫ ψᵢ φⱼ ds,   dᵢ = ∫ ψᵢ gap ds / Dᵢ
 //! ```
 //!
-//! with νᵢ halfway between the normals of both sides, k over the nodes of the slave boundary and j over those of the
-//! second one. All integrals are taken over what the facets of both meshes have in common: in the plane segments between
-//! projected nodes (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). The dual functions ψ span what the
-//! β of a facet span, with ∫ ψᵢ βⱼ ds = δᵢⱼ Dᵢ.
+//! with νᵢ halfway between the normals of both sides, k over the nodes of the slave boundary and j over those of the second one.
+//! All integrals are taken over the intersections of the facets of both meshes: in the plane segments between projected nodes
+//! (`mortar/segments.rs`), in space polygons (`mortar/polygons.rs`). The dual functions ψ span what the β of a facet span, with ∫
+//! ψᵢ βⱼ ds = δᵢⱼ Dᵢ.
 //!
-//! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ
-//!   (Wohlmuth 2000; Popp, Gee and Wall 2009). On facets of second order β are what `contact/transformed.rs` makes of them,
-//!   so that each has a positive integral, and W belongs to the displacements that go with these.
-//! - **A facet that is covered in part** has the places that are the vertices of the convex hull P of what one connected
-//!   part of the master boundary covers of it, and as β the barycentric functions of P (Wachspress 1975; in the plane those
-//!   of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform
-//!   pressure is handed on exactly, and the force of a place acts just there, on the border of what is covered. With the
-//!   facet's own functions it would act at nodes beyond, and a body would stand on what is not there.
-//! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers of its own
-//!   at these in that direction: their β are handed on to the free places F beside them, β̃ = β + Σ c βₕ, and ψ = C β̃ among
-//!   those with C = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free ψ = 1. (With ψ of
-//!   both signs a held place would have a row of the master's nodes alone, which forbids that to bend away; with βₕ there
-//!   were more rows than the slave can follow.) Where all are held, ψ = β ≥ 0. Along tangents with friction a place that is
-//!   free along its normal keeps what rubs there: ψₕ = βₕ. Each direction e has its own ψ, and a row those of all with the
-//!   weights (v·e)², where v is the normal or the tangent of the facet. Facets of second order that are held along their normals have the places of their corners, with
-//!   linear β, as if they were covered in part: β of second order have both signs.
-//! - **Curved facets** are what their shape functions say: normals, gaps and measures are those of the true surface, and a
-//!   point of one facet is found on the other by Newton's method. In space what two of them have in common is clipped between
-//!   straight lines from node to node, on a plane for each facet of the slave.
-//! - Facets share the places that they have in common: nodes, and points on their common edges. Where such places lie
-//!   nearer to each other than the mesh can tell apart, one hands its share on to the other; corners of what is covered
-//!   stay.
-//! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has
-//!   places and normals of its own.
+//! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ (Wohlmuth 2000;
+//!   Popp, Gee and Wall 2009). On facets of second order β are the functions of `contact/transformed.rs`, so that each has a
+//!   positive integral, and W belongs to the displacements of these functions.
+//! - **A facet that is covered in part** has its places at the vertices of the convex hull P of the part that one connected part of
+//!   the master boundary covers, and as β the barycentric functions of P (Wachspress 1975; in the plane those of a segment,
+//!   `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform pressure is transferred
+//!   exactly, and the force of a place acts exactly there, on the border of the covered part. With the facet's own functions it
+//!   would act at nodes beyond that border, and a body would be supported where nothing is.
+//! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers at these nodes in
+//!   that direction: their β are added to those of the free places F beside them, β̃ = β + Σ c βₕ, and ψ = C β̃ among those with C
+//!   = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free ψ = 1. (With ψ of both signs the row of
+//!   a held place would contain only the master's nodes and forbid the master to bend away; with βₕ there were more rows than the
+//!   slave can follow.) Where all are held, ψ = β ≥ 0. Along tangents with friction a place that is free along its normal keeps its
+//!   friction: ψₕ = βₕ. Each direction e has its own ψ, and a row combines all of them with the weights (v·e)², where v is the
+//!   normal or the tangent of the facet. Facets of second order that are held along their normals have the places of their corners,
+//!   with linear β, as if they were covered in part: β of second order have both signs.
+//! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
+//!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
+//!   from node to node, on a plane for each facet of the slave.
+//! - Facets share their common places: nodes, and points on common edges. Where such places are closer to each other than the mesh
+//!   can resolve, one passes its share to the other; corners of the covered part stay.
+//! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has its own
+//!   places and normals.
 //!
-//! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to nothing. Rows may depend on each other where
-//! several parts of the master boundary lie under one facet; forces are unique even so.
+//! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to zero. Rows may depend on each other where several
+//! parts of the master boundary are under one facet; forces are still unique.
 
 mod flat;
 mod hull;
@@ -66,17 +65,17 @@ pub use super::search::Beam;
 /// A facet of the slave boundary, the one that has the multipliers.
 #[derive(Clone, Debug)]
 pub struct SlaveFacet<const D: usize> {
-    /// How many nodes it has.
+    /// The number of its nodes.
     len: usize,
-    /// Where these are, corners first.
+    /// Their positions, corners first.
     nodes: [[f64; D]; 9],
     /// The averaged normals there.
     normals: [[f64; D]; 9],
     /// Its mean outward unit normal.
     normal: [f64; D],
-    /// How far it may be off what it is drawn after.
+    /// Its largest deviation from the surface that it approximates.
     slack: f64,
-    /// How far the body reaches perpendicular to the plane.
+    /// The extent of the body perpendicular to the plane.
     depth: Depth,
     /// The directions along which some of its nodes are held.
     held: Vec<HeldAlong<D>>,
@@ -138,12 +137,12 @@ impl<const D: usize> HeldAlong<D> {
         }
     }
 
-    /// Which vertices of what is covered are held.
+    /// The vertices of the covered part that are held.
     fn vertices(&self, cover: &Cover<D>, len: usize, n_corners: usize) -> Vec<bool> {
         if cover.is_whole {
             return self.nodes[..len].to_vec();
         }
-        // Between nodes so much of a vertex is held as its place says, linear from corner to corner.
+        // Between nodes the held part of a vertex varies linearly from corner to corner.
         let n_middles = n_middles(n_corners);
         let mut part = [0.0; 9];
         for (k, part) in part[..n_corners].iter_mut().enumerate() {
@@ -175,25 +174,24 @@ impl<const D: usize> HeldAlong<D> {
 pub struct MasterFacet<const D: usize> {
     /// Its number in the boundary.
     number: usize,
-    /// How many nodes it has.
+    /// The number of its nodes.
     len: usize,
     /// These.
     nodes: [u32; 9],
-    /// Where they are, corners first.
+    /// Their positions, corners first.
     places: [[f64; D]; 9],
     /// Its mean outward unit normal.
     normal: [f64; D],
-    /// How far it may be off what it is drawn after.
+    /// Its largest deviation from the surface that it approximates.
     slack: f64,
     /// The smooth part of the boundary that it belongs to.
     part: u32,
 }
 
-/// A place where a facet of the slave boundary meets one of the master: an integration point of what they have in
-/// common.
+/// A point where a facet of the slave boundary meets one of the master: an integration point of their intersection.
 #[derive(Clone, Copy, Debug)]
 pub struct IntegrationPoint<const D: usize> {
-    /// Which of the facets that are near.
+    /// The number of the other facet among those nearby.
     other: usize,
     /// The place on the slave boundary.
     place: [f64; D],
@@ -203,13 +201,13 @@ pub struct IntegrationPoint<const D: usize> {
     master: [f64; 9],
     /// The outward unit normals of both there.
     normals: [[f64; D]; 2],
-    /// How far apart they are, along the averaged normal; negative where they overlap.
+    /// Their distance, along the averaged normal; negative where they overlap.
     distance: f64,
     /// The weight, with how far the body reaches perpendicular to the plane in it.
     weight: f64,
 }
 
-/// Where on its facet a vertex of what is covered lies.
+/// The site of a vertex of the covered part on its facet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Site {
     /// At this node.
@@ -220,13 +218,13 @@ pub enum Site {
     Inside,
 }
 
-/// A place where what is covered of a facet hands forces on.
+/// A place where the covered part of a facet transfers forces.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex<const D: usize> {
     site: Site,
     place: [f64; D],
-    /// The angle of what is covered there, in half turns (in the plane a half for either end): those of all that is covered
-    /// around a place on its border add up to 1 or, at a corner, to less.
+    /// The angle of the covered part there, in half turns (in the plane a half for either end): around a place on the
+    /// border of all covered parts these add up to 1 or, at a corner, to less.
     angle: f64,
     /// φ of the nodes of the facet there.
     shape: [f64; 9],
@@ -246,30 +244,30 @@ impl<const D: usize> Vertex<D> {
     }
 }
 
-/// What one connected part of the master boundary covers of a slave facet.
+/// The part of a slave facet that one connected part of the master boundary covers.
 #[derive(Clone, Debug)]
 pub struct Cover<const D: usize> {
     /// The smooth part of the master boundary.
     part: u32,
-    /// The places that it hands forces on at, the vertices of its convex hull.
+    /// The places where it transfers forces, the vertices of its convex hull.
     vertices: Vec<Vertex<D>>,
     /// Integration points, those with one facet one after the other.
     points: Vec<IntegrationPoint<D>>,
-    /// Whether that is the whole facet: its vertices are its nodes then.
+    /// Whether the whole facet is covered: its vertices are its nodes then.
     is_whole: bool,
     /// β of the vertices at each of them.
     functions: Vec<f64>,
 }
 
-/// What boundaries have in common, in the plane and in space.
+/// The geometry of two boundaries in the plane and in space.
 pub trait Mortar<const D: usize>: Topology<D> {
-    /// A box that holds whatever a facet can meet within a distance.
+    /// A box around everything that a facet can meet within a distance.
     fn beam(slave: &SlaveFacet<D>, distance: f64) -> Beam<D>;
 
-    /// Where a facet meets some others, no farther away than the distance: what is nearest, where there are several.
+    /// The covered parts of a facet within the distance: only the nearest, where several overlap.
     fn covers(slave: &SlaveFacet<D>, near: &[MasterFacet<D>], distance: f64) -> Vec<Cover<D>>;
 
-    /// What the normal of a facet weighs at each of its corners in the averaged normal.
+    /// The weight of a facet's normal at each of its corners in the averaged normal.
     fn corner_weights(corners: &[[f64; D]]) -> [f64; 4];
 }
 
@@ -306,18 +304,18 @@ impl Mortar<3> for ElementKind {
 const FACING: f64 = -0.1;
 /// Vertices this near to a corner or an edge of their facet, in its size, are there.
 const SAME: f64 = 1e-9;
-/// The same in the least width of what is covered: places of a needle stay apart from each other.
+/// The same relative to the least width of the covered part: places of a needle stay separate.
 const SAME_OF_WIDTH: f64 = 1e-2;
-/// A facet of which no more than this part of its size is missed along a border is wholly covered, if it bends by as much. Where
-/// two curved boundaries end in one plane, one seen from the other misses the gap between them times the slope there: at a few
-/// parts in a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a wave of 8 × 10 faces against one of
-/// first order).
+/// A facet counts as wholly covered if at most this part of its size is missed along a border, and it bends by as much. Where
+/// two curved boundaries end in one plane, the projection of one onto the other misses the gap between them times the slope
+/// there: at a few parts in a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a wave of 8 × 10 faces
+/// against one of first order).
 const MISSED: f64 = 1e-2;
-/// Newton's method has come to a point of a facet if its last step is below this: its steps fall by their square, down to what
-/// rounding makes of a facet that is small beside its distance from the origin.
+/// Newton's method has found a point of a facet if its last step is below this: its steps decrease quadratically, down to the
+/// rounding of a facet that is small compared with its distance from the origin.
 const CONVERGED: f64 = 1e-6;
-/// What part of a smooth boundary is not met by the other one may be lost to curvature: less integrated than this part of
-/// what lies opposite is told.
+/// A part of a smooth boundary may escape integration because of curvature: if less than this part of the opposite area
+/// is integrated, a note reports it.
 const MET: f64 = 0.5;
 
 /// The contact of two boundaries.
@@ -325,16 +323,17 @@ const MET: f64 = 0.5;
 pub struct MortarContact<const D: usize> {
     /// The places that may come into contact.
     pub places: Vec<ContactPlace<D>>,
-    /// What of the master boundary lies opposite of the slave, but is not met by it.
+    /// The part of the master boundary that is opposite the slave, but does not meet it.
     pub unmet: Option<Unmet<D>>,
 }
 
-/// Facets of the master boundary that the slave does not meet, although it lies opposite within the search distance.
+/// Facets of the master boundary that the slave does not meet, although they are opposite it within the search
+/// distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unmet<const D: usize> {
-    /// How many.
+    /// The number of facets.
     pub facets: usize,
-    /// The area of them that lies opposite.
+    /// The part of their area that is opposite the slave.
     pub area: f64,
     /// The middle of the one with most of it.
     pub place: [f64; D],
@@ -365,7 +364,7 @@ where
         let place = mesh.nodes[node as usize].into();
         return Err(ContactError::Shared { place });
     }
-    // What lies just at the distance is within it.
+    // A point exactly at the distance is within it.
     let distance = options.distance_between(body, facets, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
     let first = Surface::new(mesh, facets, options)?;
@@ -420,7 +419,7 @@ where
     })
 }
 
-/// What the master boundary sees of the slave, and is not met there.
+/// The part of the slave that the master boundary sees, but does not meet.
 fn unmet<const D: usize>(
     body: &Body<D>,
     [first, second]: [&Surface<D>; 2],
@@ -462,7 +461,7 @@ impl<const D: usize> MasterFacet<D> {
         &self.nodes[..self.len]
     }
 
-    /// Where they are.
+    /// Their positions.
     fn places(&self) -> &[[f64; D]] {
         &self.places[..self.len]
     }
@@ -490,7 +489,7 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// How many of its nodes are corners.
+    /// The number of corners among its nodes.
     fn n_corners(&self) -> usize {
         match (D, self.len) {
             (2, _) => 2,
@@ -499,7 +498,8 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// Whether it is of second order and held along its normal: its places are its corners then, wherever it is covered.
+    /// Whether it is of second order and held along its normal: its places are then at its corners, wherever it is
+    /// covered.
     fn is_linear(&self) -> bool {
         let held = self.held.iter();
         let across: f64 = held
@@ -508,21 +508,21 @@ impl<const D: usize> SlaveFacet<D> {
         self.len > self.n_corners() && across > 0.5
     }
 
-    /// Where its nodes are.
+    /// The positions of its nodes.
     fn places(&self) -> &[[f64; D]] {
         &self.nodes[..self.len]
     }
 }
 
-/// What part of its size may be missed along a border of a facet that bends by this part of it: nothing of a flat one, which
-/// shows where that of the other side is.
+/// The part of its size that may be missed along a border of a facet that bends by `bend`: zero for a flat one, whose border
+/// shows that of the other side.
 fn missed(bend: f64) -> f64 {
     bend.clamp(SAME, MISSED)
 }
 
-/// How far a facet of second order may be off the smooth surface that its nodes lie on: an edge of length h whose middle is
-/// off its chord by s, and along it by e, is off a circle by s³/h² and, as it is parabolic in another parameter, by s e/h.
-/// Facets of first order are what they are.
+/// The largest deviation of a facet of second order from the smooth surface through its nodes: an edge of length h whose
+/// middle is off its chord by s, and along it by e, is off a circle by s³/h² and, as a parabola in another parameter, by s
+/// e/h. Facets of first order have none.
 fn slack<const D: usize>(nodes: &[[f64; D]; 9], n_corners: usize, len: usize) -> f64 {
     let edges = (nodes[n_corners..len].iter().enumerate()).take(n_corners);
     let of_edge = |(k, &middle): (usize, &[f64; D])| {
@@ -539,11 +539,11 @@ fn slack<const D: usize>(nodes: &[[f64; D]; 9], n_corners: usize, len: usize) ->
     edges.map(of_edge).fold(0.0, f64::max)
 }
 
-/// What a facet of the slave boundary adds to the integrals of places.
+/// The contribution of a facet of the slave boundary to the integrals of places.
 struct FacetShares<const D: usize> {
-    /// Of each part of the master boundary that it meets.
+    /// Its shares for each part of the master boundary that it meets.
     covers: Vec<Shares<D>>,
-    /// How much of which facets of the master boundary it meets.
+    /// The area of each facet of the master boundary that it meets.
     met: Vec<(usize, f64)>,
     /// The deepest overlap and where.
     depth: f64,
@@ -552,7 +552,8 @@ struct FacetShares<const D: usize> {
     folded: Option<[f64; D]>,
 }
 
-/// What is covered of a facet by one part of the master boundary, and what it adds to the integrals of its vertices.
+/// The part of a facet that one part of the master boundary covers, and its contribution to the integrals of its
+/// vertices.
 struct Shares<const D: usize> {
     part: u32,
     vertices: Vec<Share<D>>,
@@ -577,14 +578,14 @@ struct Share<const D: usize> {
     own: Option<[f64; 9]>,
     /// (j, ∫ ψᵢ φⱼ).
     partners: Vec<(u32, f64)>,
-    /// What held directions change of these.
+    /// The change of these by held directions.
     held: Option<Change<D>>,
 }
 
-/// What held directions change of the integrals of a place.
+/// The change of the integrals of a place by held directions.
 #[derive(Clone, Debug)]
 struct Change<const D: usize> {
-    /// The projector onto the directions that are held, if the same nodes are in all of them.
+    /// The projector onto the held directions, if the same nodes are held in all of them.
     onto: Option<[[f64; D]; D]>,
     /// In the rows along ν and along each tangent.
     rows: [Integrals; D],
@@ -627,7 +628,8 @@ fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
     }
 }
 
-/// The integrals over one facet of the slave boundary. (One text: all of them are sums over the same points, made once.)
+/// The integrals over one facet of the slave boundary. (One function, because all of them are sums over the same
+/// points.)
 fn integrate<const D: usize>(
     slave: &SlaveFacet<D>,
     nodes: &[u32],
@@ -681,7 +683,7 @@ where
                 held: None,
             })
             .collect();
-        // Which vertices are held along the normal.
+        // The vertices that are held along the normal.
         let of_vertices = |held: &HeldAlong<D>| held.vertices(&cover, slave.len, slave.n_corners());
         let mut across = vec![0.0; n];
         for held in &slave.held {
@@ -689,7 +691,7 @@ where
             let vertices = across.iter_mut().zip(of_vertices(held));
             vertices.for_each(|(sum, is)| *sum += part * f64::from(u8::from(is)));
         }
-        // Functions of second order have no place of their own to hand on to.
+        // Functions of second order have no place whose share could be passed on.
         let hands_on = !cover.is_whole || slave.len == slave.n_corners();
         let is_tied = matches!(options.friction, Friction::Tied);
         let mut frame = frame(slave.normal);
@@ -795,7 +797,7 @@ where
 
 /// C of ψ = C β = diag(∫ β) mass⁻¹ β, from the lower triangle of the mass matrix.
 ///
-/// Where what is covered is so thin and bent that its functions depend on each other there, the pseudo-inverse of the
+/// If the covered part is so thin and bent that its functions depend on each other there, the pseudo-inverse of the
 /// matrix keeps Σψ = 1 and the moments.
 fn dual(mass: &Mat<f64>, area: &[f64]) -> Mat<f64> {
     let n = area.len();
@@ -818,10 +820,10 @@ fn dual(mass: &Mat<f64>, area: &[f64]) -> Mat<f64> {
     Mat::from_fn(n, n, |i, j| area[i] * inverse[(i.max(j), i.min(j))])
 }
 
-/// What becomes of the β of a vertex.
+/// The role of the β of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
-    /// It has a dual function among those that are free.
+    /// It has a dual function among the free ones.
     Free,
     /// It is held, and its ψ is its β.
     Keeps,
@@ -829,7 +831,7 @@ enum Role {
     HandsOn,
 }
 
-/// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around what is covered.
+/// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around the covered part.
 ///
 /// Where that leaves a vertex less than a part of its ∫ β (on no facet that meshes have), all keep theirs: the pressure of a
 /// place is its force by ∫ ψ.

@@ -1,9 +1,9 @@
-//! Contact of single nodes with facets or an obstacle: collocated rows, where a set of nodes makes up no facets to integrate over.
+//! Contact of single nodes with facets or an obstacle: collocated rows, for sets of nodes without facets to integrate over.
 //!
-//! Each node meets the point of the other side that is nearest to it, which moves as the nodes around it say:
-//! ν·(uᵢ − Σⱼ φⱼ uⱼ) ≤ gap, with ν against the outward normal there. The forces of both sides are opposite and act at one point, so
-//! that a pair has no moment but that of friction across a gap. A uniform pressure is handed on as even as the nodes are: where meshes do not match, the mortar
-//! method does better, and needs facets. Of facets of second order the straight parts between their nodes are met.
+//! Each node meets the nearest point of the other side, which moves with the nodes around it: ν·(uᵢ − Σⱼ φⱼ uⱼ) ≤ gap, with ν
+//! against the outward normal there. The forces of both sides are opposite and act at one point, so that a pair has no moment
+//! except that of friction across a gap. A uniform pressure is transferred as evenly as the nodes are spaced: for non-matching
+//! meshes the mortar method is better, and needs facets. Facets of second order count as the straight parts between their nodes.
 
 use super::search::{Beam, Search};
 use super::{
@@ -15,7 +15,7 @@ use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_nodes, facet_parts};
 use rayon::prelude::*;
 
-/// What nodes may touch.
+/// The opposite side of nodes.
 #[derive(Clone, Copy)]
 pub enum Met<'a, const D: usize>
 where
@@ -27,7 +27,8 @@ where
     Obstacle(&'a Obstacle<D>),
 }
 
-/// A node may lie beyond the rim of the other side by this part of its facets, along them: in the wedge between two that are bent away.
+/// A node may be beyond the rim of the other side by this part of its facets, along them: in the wedge between two that are bent
+/// away.
 const BEYOND: f64 = 0.05;
 /// Normals that are as near as this part of their facets are averaged.
 const AS_NEAR: f64 = 1e-6;
@@ -49,8 +50,8 @@ type Opposite<const D: usize> = (Vec<(u32, f64)>, [f64; D], f64);
 /// without such a facet has the area 1, so that its pressure is its force).
 ///
 /// # Errors
-/// If nodes overlap with what they meet or belong to it, do not find it within the search distance, or if a bound, coefficient,
-/// stiffness, gap or interference makes no sense.
+/// If nodes overlap with the other side or belong to it, do not find it within the search distance, or if a bound, coefficient,
+/// stiffness, gap or interference is invalid.
 pub fn node_contact<const D: usize>(
     body: &Body<D>,
     nodes: &[u32],
@@ -200,7 +201,7 @@ where
     shares
 }
 
-/// The point of facets that is nearest to x, within a distance along its normal; none beyond their rim.
+/// The point of facets nearest to x, within a distance along its normal; none beyond their rim.
 fn nearest<const D: usize>(
     mesh: &Mesh<D>,
     search: &Search<D>,
@@ -302,7 +303,7 @@ fn inside<const D: usize>(corners: &[[f64; D]], normal: [f64; D], x: [f64; D]) -
         let c = (p[1][0] * v - u * p[1][1]) / det;
         vec![1.0 - b - c, b, c]
     } else {
-        // Newton's method for the place in the unit square; a quadrilateral that is convex takes a few steps.
+        // Newton's method for the position in the unit square; a convex quadrilateral takes a few steps.
         let [mut a, mut b] = [0.5, 0.5];
         let at = |a: f64, b: f64| [(1.0 - a) * (1.0 - b), a * (1.0 - b), a * b, (1.0 - a) * b];
         for _ in 0..20 {

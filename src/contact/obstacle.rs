@@ -19,14 +19,14 @@ pub enum Obstacle<const D: usize = 2> {
         /// The direction out of the obstacle.
         normal: [f64; D],
     },
-    /// A ball (in the plane a disc); the body lies outside.
+    /// A ball (in the plane a disc); the body is outside.
     Sphere {
         /// Its centre.
         center: [f64; D],
         /// Its radius.
         radius: f64,
     },
-    /// An endless cylinder in space; the body lies outside.
+    /// An endless cylinder in space; the body is outside.
     Cylinder {
         /// Any point of its axis.
         point: [f64; D],
@@ -37,7 +37,7 @@ pub enum Obstacle<const D: usize = 2> {
     },
 }
 
-/// How long the part of a vector along a unit vector is, and what is left of it across.
+/// The component of a vector along a unit vector, and the rest perpendicular to it.
 fn split<const D: usize>(v: [f64; D], along: [f64; D]) -> (f64, [f64; D]) {
     let part = dot(v, along);
     (part, std::array::from_fn(|c| v[c] - part * along[c]))
@@ -69,7 +69,7 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// How the direction away from it turns as x moves by v: ∇∇φ v, with the distance φ.
+    /// The change of the direction away from it as x moves by v: ∇∇φ v, with the distance φ.
     pub(crate) fn bend(&self, x: [f64; D], v: [f64; D]) -> [f64; D] {
         let (to, along) = match *self {
             Self::HalfSpace { .. } => return [0.0; D],
@@ -137,7 +137,7 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// What it is called: "half-plane", "circle"; in space "half-space", "sphere", "cylinder".
+    /// Its name: "half-plane", "circle"; in space "half-space", "sphere", "cylinder".
     pub const fn name(&self) -> &'static str {
         match self {
             Self::HalfSpace { .. } if D == 2 => "half-plane",
@@ -148,7 +148,7 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// The error about a boundary of which no part looks at it.
+    /// The error about a boundary that does not face it.
     fn unseen(&self) -> ContactError {
         let (obstacle, solid) = match self {
             Self::HalfSpace { .. } => {
@@ -166,12 +166,12 @@ impl<const D: usize> Obstacle<D> {
 
 /// The contact nodes of a boundary against an obstacle.
 ///
-/// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the
-/// nodal force ∫ bound φᵢ ds (times the thickness). On facets of second order φ are not the shape functions, whose integrals
-/// vanish at the corners of six-node triangles and are negative at those of eight-node quadrilaterals, but what
-/// `contact/transformed.rs` makes of them. Overlaps below 1e-9 of the size of the mesh count as
-/// touching. No node can pass through the obstacle, however far it was from it; but where the gap is larger than
-/// the search distance there is no friction of Tresca's kind, which would rub without a pressure.
+/// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the nodal force ∫ bound
+/// φᵢ ds (times the thickness). On facets of second order φ are not the shape functions, whose integrals vanish at the
+/// corners of six-node triangles and are negative at those of eight-node quadrilaterals, but those of
+/// `contact/transformed.rs`. Overlaps below 1e-9 of the size of the mesh count as touching. No node can pass through the
+/// obstacle, however far it was from it; but where the gap is larger than the search distance there is no Tresca friction,
+/// which would act without a pressure.
 pub fn obstacle_contact<const D: usize>(
     body: &Body<D>,
     facets: &[Facet<D>],
@@ -189,7 +189,7 @@ where
     let faces = |facet: &Facet<D>| {
         let (_, outward) = mesh.facet_normal(facet);
         let (_, towards) = obstacle.distance(mesh.facet_middle(facet));
-        // An undefined direction is an error of its own below.
+        // An undefined direction is a separate error below.
         !(dot(outward, towards) <= 0.0)
     };
     let inside = |&node: &u32| obstacle.distance(mesh.nodes[node as usize]).0 < -rounding;
@@ -208,7 +208,7 @@ where
         body.integrate_on_boundary(facets, tresca, &mut bound);
         transformed.share(&mut bound);
     }
-    // What is a distance at all nodes of a facet, as that which the place of a node feels.
+    // The distance is interpolated from all nodes of a facet, as the place of a node sees it.
     let felt = |node: u32, distance: &dyn Fn(u32) -> f64| -> f64 {
         let own = transformed.own(node);
         own.iter()

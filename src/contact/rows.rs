@@ -1,9 +1,9 @@
 //! From contact nodes to the rows of N and T over the unknowns.
 //!
-//! A row is about the relative motion of a node and what it meets. What supports prescribe of that motion belongs to
-//! the gap and the slide of a step; the rest is the row. Rows between bodies may depend on each other: contact forces are
-//! unique then, multipliers need not be. On rigid obstacles they do not: where a direction has no unknowns of its own,
-//! there is no friction along it ([`contact_rows`]).
+//! A row measures the relative motion of a node and the other side. The part of it that supports prescribe belongs to the
+//! gap and the slide of a step; the rest is the row. Rows between bodies may depend on each other: contact forces are
+//! unique then, multipliers need not be. On rigid obstacles they do not: along a direction without its own unknowns there
+//! is no friction ([`contact_rows`]).
 
 use super::{ContactError, ContactPlace, SlipBound, turn_tangents};
 use crate::constraint::TIED;
@@ -15,10 +15,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// An entry of a row over the unknowns: column and value.
 type Entry = (usize, f64);
-/// What a prescribed displacement adds to a row: node, component, factor.
+/// The contribution of a prescribed displacement to a row: node, component, factor.
 type Held = (u32, usize, f64);
 
-/// A sliding of which less than this part is left free by supports counts as none.
+/// If supports leave less than this part of a sliding free, it counts as none.
 const KEPT: f64 = 0.25;
 
 /// N, T, d, g over the unknowns, with the contact nodes that their rows belong to.
@@ -26,7 +26,7 @@ const KEPT: f64 = 0.25;
 pub struct ContactRows<const D: usize = 2> {
     /// The place of each row of N.
     pub places: Vec<ContactPlace<D>>,
-    /// Which of the candidates that is.
+    /// The candidate of each row.
     pub candidate: Vec<usize>,
     /// N: a row per contact place, along ν.
     pub normal: Csr,
@@ -38,24 +38,25 @@ pub struct ContactRows<const D: usize = 2> {
     pub coefficient: Vec<f64>,
     /// The diagonal of C, a row of N or T each; empty where all contact is hard.
     pub compliance: Vec<f64>,
-    /// What prescribed displacements add to N u and to T u, row by row.
+    /// The contributions of prescribed displacements to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
-    /// Candidates whose normal motion is prescribed altogether: their place, gap, and that motion.
+    /// Candidates whose normal motion is entirely prescribed: their place, gap, and that motion.
     fixed: Vec<(Location, f64, Vec<Held>)>,
-    /// Tied places, of which a motion of both sides against each other is prescribed altogether, and that motion.
+    /// Tied places with an entirely prescribed relative motion of both sides, and that motion.
     fixed_ties: Vec<(Location, Vec<Held>)>,
-    /// In space: nodes with friction along one tangent only, what supports prescribe along the other, and the part of it
-    /// that they may be off by.
+    /// In space: nodes with friction along one tangent only, the motion that supports prescribe along the other, and its
+    /// tolerance.
     along_one: Vec<(Location, Vec<Held>, f64)>,
 }
 
 /// Writes the rows of contact places.
 ///
-/// A node may stand in several contacts, and supports may hold it, or what it meets, in any direction: what they
-/// prescribe counts in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is prescribed
-/// altogether has no row and is only checked ([`ContactRows::check`]), unless the contact itself gives way. On a rigid obstacle a node gets an empty row in T
-/// where supports or another obstacle keep it from sliding along the tangent, and no friction where that leaves none; what
-/// gives way by itself lets the other obstacle keep its friction. In space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
+/// A node may be in several contacts, and supports may hold it, or the other side, in any direction: prescribed motions count in
+/// [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is entirely prescribed has no row and is only
+/// checked ([`ContactRows::check`]), unless the contact is compliant. On a rigid obstacle a node gets an empty row in T where
+/// supports or another obstacle keep it from sliding along the tangent, and no friction where no tangent is left; a compliant
+/// contact does not affect the friction with the other obstacle. In space the tangents of a place that a support holds in one
+/// direction are turned so that the first is free of it.
 ///
 /// # Errors
 /// If the normals of the hard rigid obstacles that a node meets are not independent.
@@ -71,11 +72,11 @@ where
     let mut fixed_ties = Vec::new();
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
-    // What supports prescribe along the tangents of nodes that they keep from sliding there.
+    // The motions that supports prescribe along the tangents of nodes that cannot slide there.
     let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate.sides(0), candidate.frame[0]);
-        // On an obstacle a place moves with its node; the others that it may have only say what of that counts.
+        // On an obstacle a place moves with its node; its other nodes, if any, only weight the prescribed part.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
         let is_tied = candidate.slip_bound == SlipBound::Tied;
@@ -96,7 +97,7 @@ where
         for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
             let (entries, motion) = row(unknowns, place.sides(a), tangent);
             tie(&entries, &motion);
-            // A tie is about what neighbours deform by, too.
+            // A tie also follows the deformation of neighbours.
             let is_kept =
                 !is_tied && !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
             let (entries, motion, instead) = match is_kept {
@@ -164,8 +165,8 @@ where
     })
 }
 
-/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on what
-/// comes before them. A compliant row may depend on any: A + C is definite all the same.
+/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
+/// earlier rows. A compliant row may depend on any: A + C is still definite.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
@@ -200,9 +201,9 @@ fn make_independent<const D: usize>(
     Ok(())
 }
 
-/// In space: whether supports keep a place from sliding along a tangent, and what it meets as well. All that is left of
-/// the row then is what partners nearby deform by, as on a plane of symmetry that cuts both bodies: the mean place of
-/// partners lies on it, so that their mean motion across it is none, and friction would act on next to nothing.
+/// In space: whether supports keep both a place and the other side from sliding along a tangent. Then the row contains
+/// only the deformation of partners nearby, as on a plane of symmetry that cuts both bodies: the mean position of
+/// partners is on the plane, so that their mean motion across it vanishes, and friction would act on next to nothing.
 fn kept_along<const D: usize>(
     mesh: &Mesh<D>,
     unknowns: &Unknowns<D>,
@@ -213,7 +214,7 @@ where
     ElementKind: Topology<D>,
 {
     let mut kept = tangent;
-    // Where a place has neighbours of its node in its row, since that is held, the node says it.
+    // Where the row of a held node contains neighbours, only the node itself counts.
     let at_node = place.node.filter(|_| !place.directed.is_empty());
     let node = at_node.map(|node| [(node, 1.0)]);
     for &(node, weight) in node.as_ref().map_or(&place.own[..], |node| node) {
@@ -234,7 +235,7 @@ where
         ends = [ends[0].min(across), ends[1].max(across)];
         held.push((across, part <= 1e-9 * size));
     }
-    // A body that ends there is held all over its end, however coarse it is.
+    // A body that ends there is held over its whole end, however coarse it is.
     let on_it = 1e-9 * (ends[1] - ends[0]);
     let mut at_end = held.iter().filter(|(across, _)| across.abs() <= on_it);
     let one_sided = ends[0] >= -on_it || ends[1] <= on_it;
@@ -242,8 +243,8 @@ where
     is_end || slides.abs() < KEPT * size
 }
 
-/// The place with its tangents turned, in space, so that the first has no part in the only direction in which
-/// supports hold all of its nodes: what is left to slide along.
+/// The place with its tangents turned, in space, so that the first is perpendicular to the only direction in which
+/// supports hold all of its nodes: the direction left to slide along.
 fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> ContactPlace<D> {
     let mut place = place.clone();
     // The directions in which a node is held.
@@ -274,7 +275,7 @@ fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> Co
 }
 
 /// The relative motion of the sides of a contact place along v: v at its own nodes, −v at their partners, with their weights;
-/// what is unknown of it, and what is prescribed.
+/// its unknown part and its prescribed part.
 fn row<const D: usize>(
     unknowns: &Unknowns<D>,
     [own, partners]: [&[(u32, f64)]; 2],
@@ -284,7 +285,7 @@ fn row<const D: usize>(
     let partners = partners.iter().map(|&(node, w)| (node, -w));
     for (node, factor) in own.iter().copied().chain(partners) {
         if let Some(frame) = unknowns.frame(node) {
-            // What is prescribed along directions of its own is taken out; the unknowns are along the axes.
+            // The prescribed part along a node's own directions is removed; the unknowns are along the axes.
             for (c, value) in unknowns.prescribed(node).iter().enumerate() {
                 let part = factor * dot(frame[c], v);
                 if value.is_some() && part.abs() >= 1e-14 {
@@ -300,7 +301,7 @@ fn row<const D: usize>(
         }
         for c in 0..D {
             let value = factor * v[c];
-            // What is left of a cosine of a right angle is rounding.
+            // The cosine of a right angle is only rounding.
             if v[c].abs() < 1e-14 || value == 0.0 {
                 continue;
             }
@@ -310,7 +311,7 @@ fn row<const D: usize>(
             }
         }
     }
-    // A motion that an unknown has next to no part in is a prescribed one.
+    // A motion with almost no part in an unknown is a prescribed one.
     if !entries.iter().any(|entry| entry.1.abs() > 1e-8) {
         entries.clear();
     }
@@ -327,8 +328,8 @@ struct Independent<const D: usize> {
 }
 
 impl<const D: usize> Independent<D> {
-    /// What is left of a row, relative to its largest entry, and counts as none. Normals of two contacts of a node
-    /// that differ by less would press it like a wedge.
+    /// A remainder of a row below this part of its largest entry counts as zero. If the normals of two contacts of a
+    /// node differ by less, they would press it like a wedge.
     const NOTHING: f64 = 1e-4;
     /// A pivot in the node's own unknowns is taken if it is this part of the largest entry: it causes no fill.
     const OWN: f64 = 0.1;
@@ -354,7 +355,7 @@ impl<const D: usize> Independent<D> {
             };
             for &(column, entry) in others {
                 *left.entry(column).or_default() -= value / pivot * entry;
-                // Rows have no pivots of those before them: only later ones come in.
+                // Rows have no pivots of earlier ones: only later ones are added.
                 pivots.extend(self.of_column.get(&column));
             }
         }
@@ -381,7 +382,7 @@ impl<const D: usize> Independent<D> {
 }
 
 impl<const D: usize> ContactRows<D> {
-    /// Rows that are known, of places that are: what supports prescribe of their motion is told elsewhere.
+    /// The known rows of known places: prescribed motions are passed separately.
     #[cfg(feature = "mpi")]
     pub(crate) fn of_places(
         places: Vec<ContactPlace<D>>,
@@ -406,7 +407,7 @@ impl<const D: usize> ContactRows<D> {
         }
     }
 
-    /// What the prescribed displacements of `unknowns` add to N u (m values) and to T u ((D − 1) m).
+    /// The contribution of the prescribed displacements of `unknowns` to N u (m values) and to T u ((D − 1) m).
     pub fn held_motion(&self, unknowns: &Unknowns<D>) -> (Vec<f64>, Vec<f64>) {
         let [normal, tangential] = [0, 1].map(|of: usize| {
             let rows = self.held[of].iter();
@@ -415,8 +416,8 @@ impl<const D: usize> ContactRows<D> {
         (normal, tangential)
     }
 
-    /// d: the initial gaps, less what the prescribed displacements of `unknowns` close of them. Negative where
-    /// a prescribed motion pushes the bodies into each other.
+    /// d: the initial gaps, minus the part that the prescribed displacements of `unknowns` close. Negative where a
+    /// prescribed motion pushes the bodies into each other.
     pub fn gap(&self, unknowns: &Unknowns<D>) -> Vec<f64> {
         let (moved, _) = self.held_motion(unknowns);
         (self.places.iter())
@@ -425,11 +426,11 @@ impl<const D: usize> ContactRows<D> {
             .collect()
     }
 
-    /// Checks the nodes that have no row, since supports prescribe their whole normal motion, and those that can slide
-    /// along one direction only.
+    /// Checks the nodes without a row, whose normal motion supports prescribe, and those that can slide along one
+    /// direction only.
     ///
     /// # Errors
-    /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into what it meets,
+    /// [`ContactError::Driven`] if the prescribed displacements of `unknowns` push one of them into the other side,
     /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide,
     /// [`ContactError::DrivenApart`] if they move the sides of a tie against each other.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
@@ -468,7 +469,7 @@ impl<const D: usize> ContactRows<D> {
         each.map(|(row, (&candidate, place))| (row, candidate, place))
     }
 
-    /// Which places are tied.
+    /// The tied places.
     pub fn tied(&self) -> Vec<bool> {
         let places = self.places.iter();
         places
@@ -476,7 +477,7 @@ impl<const D: usize> ContactRows<D> {
             .collect()
     }
 
-    /// The area that the pressure of each place is shown and judged with: that of its pool.
+    /// The area for the displayed pressure of each place, and for its checks: that of its pool.
     pub fn pooled_areas(&self) -> Vec<f64> {
         let areas: Vec<f64> = self.places.iter().map(|place| place.area).collect();
         pooled(&self.places, &areas)
@@ -490,7 +491,7 @@ impl<const D: usize> ContactRows<D> {
     }
 }
 
-/// What prescribed displacements add to a row.
+/// The contribution of prescribed displacements to a row.
 fn motion<const D: usize>(held: &[Held], unknowns: &Unknowns<D>) -> f64 {
     let prescribed = |node, c: usize| unknowns.prescribed(node)[c].unwrap_or(0.0);
     (held.iter())
@@ -498,8 +499,8 @@ fn motion<const D: usize>(held: &[Held], unknowns: &Unknowns<D>) -> f64 {
         .sum()
 }
 
-/// The forces of each place and of those that its pressure is shown with, along its own directions; there are one or
-/// D − 1 for each place. Areas add up in the same way.
+/// The forces of each place and of those in its pressure pool, along its own directions, one or D − 1 for each place.
+/// Areas add up in the same way.
 pub(crate) fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64]) -> Vec<f64> {
     let mut pools: HashMap<u32, Vec<usize>> = HashMap::new();
     for (i, place) in places.iter().enumerate() {
@@ -508,7 +509,7 @@ pub(crate) fn pooled<const D: usize>(places: &[ContactPlace<D>], forces: &[f64])
     let each = forces.len() / places.len().max(1);
     let directions = |i: usize| match each == D - 1 && D > 2 {
         true => &places[i].frame[1..],
-        // Normal forces, bounds, and tangents of the plane go round the boundary: along these they are numbers.
+        // Normal forces, bounds, and tangents in the plane follow the boundary: along these they are numbers.
         false => &[],
     };
     let mut sums = forces.to_vec();

@@ -1,4 +1,4 @@
-//! Which facets of a boundary may be near to another one.
+//! The search for facets of a boundary that may be near to another one.
 
 use crate::mesh::vector::{dot, length};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds, facet_corners};
@@ -40,20 +40,19 @@ impl<const D: usize> Bounds<D> {
     }
 }
 
-/// A box with axes of its own: all that a facet can meet along its normals.
+/// A box with its own axes: the region that a facet can meet along its normals.
 #[derive(Clone, Copy, Debug)]
 pub struct Beam<const D: usize> {
     /// Orthonormal directions.
     pub(super) axes: [[f64; D]; D],
-    /// Where it begins along each.
+    /// Its start along each.
     pub(super) low: [f64; D],
-    /// Where it ends.
+    /// Its end.
     pub(super) high: [f64; D],
 }
 
 impl<const D: usize> Beam<D> {
-    /// The least one along these axes that holds some points, each with what is within a distance of it along each
-    /// axis.
+    /// The smallest box along these axes that holds some points, each with a margin along each axis.
     pub(super) fn around(
         axes: [[f64; D]; D],
         points: impl IntoIterator<Item = [f64; D]>,
@@ -78,7 +77,7 @@ impl<const D: usize> Beam<D> {
                 from += ends[0].min(ends[1]);
                 to += ends[0].max(ends[1]);
             }
-            // Only what rounding cannot tell from touching is let in beside that.
+            // In addition only points that rounding cannot distinguish from touching are let in.
             let slack = 1e-12 * (from.abs() + to.abs());
             from <= self.high[a] + slack && to >= self.low[a] - slack
         })
@@ -87,8 +86,8 @@ impl<const D: usize> Beam<D> {
 
 /// The facets of a boundary, in an R-tree of the boxes around them.
 ///
-/// They are numbered along the axis in which the boundary extends most, so that the order of what is found does not
-/// depend on how the tree came about.
+/// They are numbered along the axis in which the boundary extends most, so that the order of results does not depend on
+/// the construction of the tree.
 pub(super) struct Search<const D: usize>
 where
     ElementKind: Topology<D>,

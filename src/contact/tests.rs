@@ -179,7 +179,7 @@ fn rows_of_a_node_in_the_plane() {
     assert_relative_eq!(tangential[0], -0.25 * (0.8 - 0.6) * 0.25, epsilon = 1e-16);
     assert_eq!((normal[1], tangential[1]), (0.0, 0.5));
     assert_relative_eq!(rows.gap(&unknowns)[0], 0.1 + 0.0875, epsilon = 1e-15);
-    // Node 2 is driven 0.25 towards what is 0.1 away.
+    // Node 2 is driven 0.25 towards an obstacle at 0.1.
     let error = rows.check(&unknowns).expect_err("it is driven in");
     assert!(
         error

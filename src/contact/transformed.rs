@@ -6,12 +6,12 @@
 //! Ñ_v = N_v + Σ α N_e  (e beside v),    Ñ_e = (1 − 2α) N_e,
 //! ```
 //!
-//! and the displacements that belong to them are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of
-//! the edge. A contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that
-//! pressure. α is 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are otherwise zero
-//! and negative, and for the edges of bodies of revolution: that over the ring around a node on the axis is zero. Where all
-//! integrals are positive, on edges and quadrilaterals with nine nodes, nothing has to be transformed
-//! (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
+//! and their displacements are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of the edge. A
+//! contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that pressure. α is
+//! 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are otherwise zero and negative,
+//! and for the edges of bodies of revolution, where the integral over the ring around a node on the axis is zero. Where all
+//! integrals are positive, on edges and quadrilaterals with nine nodes, no transformation is necessary (Popp, Wohlmuth, Gee and
+//! Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
 
 use crate::elasticity::Depth;
 use crate::mesh::{facet_corners, facet_nodes};
@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 /// α of the facets that need one: any between 1/8 and 1/2 leaves positive integrals on both.
 const ALPHA: f64 = 0.2;
 
-/// Whether the functions of a facet with so many nodes and corners have to be transformed.
+/// Whether the functions of a facet with so many nodes and corners need the transformation.
 fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
     match (n_corners, n_nodes) {
         (3, 6) | (4, 8) => true,
@@ -29,7 +29,7 @@ fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
     }
 }
 
-/// How many middles of edges it has, each between the corner of the same number and the next one.
+/// The number of its midside nodes, each between the corner of the same number and the next one.
 pub(super) fn n_middles(n_corners: usize) -> usize {
     match n_corners {
         2 => 1,
@@ -82,7 +82,7 @@ impl Transformed {
         }
     }
 
-    /// The nodes whose displacements are that of a node in the transformed sense, with their weights, its own first.
+    /// The nodes whose weighted displacements make up that of a node in the transformed sense, its own first.
     pub fn own(&self, node: u32) -> Vec<(u32, f64)> {
         let Some(&[a, b]) = self.ends.get(&node) else {
             return vec![(node, 1.0)];

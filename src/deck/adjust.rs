@@ -1,4 +1,4 @@
-//! `ADJUST=`: nodes that are moved onto the surface that they are to meet, before anything else, without strain.
+//! `ADJUST=`: nodes that are moved onto the opposite surface, before anything else, without strain.
 
 use crate::mesh::foot::on_facet;
 use crate::mesh::vector::{dot, length, minus};
@@ -8,16 +8,16 @@ use crate::mesh::{
 use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
 
-/// Which nodes of the slave surface are moved.
+/// The nodes of the slave surface to move.
 #[derive(Clone, Debug)]
 pub(super) enum Moved {
-    /// Those that are no farther away, and those that overlap.
+    /// Nodes within a distance, and overlapping ones.
     Within(f64),
     /// Those of a set, wherever they are.
     Set(String),
 }
 
-/// What a contact pair says of it; names are those of the mesh.
+/// The adjustment that a contact pair states; names are those of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Adjustment {
     pub line: usize,
@@ -27,9 +27,9 @@ pub(super) struct Adjustment {
     pub moved: Moved,
 }
 
-/// How many facets, nearest by their boxes, are looked at: as many as may meet at a node of a regular mesh.
+/// The number of facets to check, nearest by their boxes: as many as may meet at a node of a regular mesh.
 const NEAREST: usize = 8;
-/// A node may lie beyond the rim of the master surface by this part of a facet, as nodes in contact may.
+/// A node may be beyond the rim of the master surface by this part of a facet, like nodes in contact.
 const BEYOND: f64 = 0.05;
 
 /// The mesh with the nodes moved.
@@ -87,7 +87,7 @@ fn in_space<const D: usize>(x: [f64; D]) -> [f64; 3] {
     std::array::from_fn(|c| x.get(c).copied().unwrap_or(0.0))
 }
 
-/// Where a node is moved: the nearest point of the master surface, if that is to be.
+/// The new position of a node: the nearest point of the master surface, if the node is to move.
 fn target<const D: usize>(
     mesh: &Mesh<D>,
     tree: &Tree<Facet<D>>,
@@ -120,7 +120,7 @@ where
     }
     let (_, point, gap, size) = best?;
     match moved {
-        // What lies deeper than a facet is long is on the other side of something.
+        // A node deeper than a facet's length is on the other side of something.
         Moved::Within(distance) if gap > *distance || gap < -size => None,
         _ => Some(point),
     }

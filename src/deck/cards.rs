@@ -35,7 +35,7 @@ fn component(line: usize, text: &str) -> Result<u64> {
 }
 
 impl<'a> Said<'a> {
-    /// Reads all keywords; the user goes on without those that are `ignored`.
+    /// Reads all keywords; the user accepts the loss of those that are `ignored`.
     pub fn read(cards: &[Card<'a>], ignored: &[String]) -> Result<Self> {
         let mut said = Self {
             ignored: ignored
@@ -53,7 +53,7 @@ impl<'a> Said<'a> {
         Ok(said)
     }
 
-    /// Refuses something, unless the user goes on without it.
+    /// Refuses something, unless the user ignores it.
     pub fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
         let key = key.to_uppercase();
         if self.ignores(&key) {
@@ -69,12 +69,12 @@ impl<'a> Said<'a> {
         });
     }
 
-    /// Whether the user goes on without it.
+    /// Whether the user ignores it.
     pub fn ignores(&self, key: &str) -> bool {
         self.ignored.contains(key)
     }
 
-    /// Refuses the options of a keyword that are none of these, by their names and those with a value as `NAME=VALUE`.
+    /// Refuses all options of a keyword except these, given by name or, with a value, as `NAME=VALUE`.
     fn only(&mut self, k: &Keyword<'a>, known: &[&str]) {
         for (name, value) in &k.options {
             let whole = format!("{name}={}", value.to_uppercase());
@@ -135,7 +135,7 @@ impl<'a> Said<'a> {
                     [young, poisson] | [young, poisson, _] => {
                         self.materials[material].elastic = Some([young, poisson]);
                     }
-                    _ => return Err((line, "*ELASTIC has E and ν in its line".to_owned())),
+                    _ => return Err((line, "*ELASTIC needs E and ν in its data line".to_owned())),
                 }
             }
             "DENSITY" => {
@@ -213,7 +213,7 @@ impl<'a> Said<'a> {
                 });
             }
             name if PASSED_OVER.contains(&name) => {
-                // What stands for the mesh is nothing to tell.
+                // Keywords of the mesh need no note.
                 let of_mesh = ["NSET", "INCLUDE", "ASSEMBLY", "INSTANCE", "PART"];
                 if !of_mesh.contains(&name) && !name.starts_with("END") {
                     self.passed.entry(name.to_owned()).or_insert(k.line);
@@ -228,11 +228,11 @@ impl<'a> Said<'a> {
         Ok(())
     }
 
-    /// The material that a keyword is about; None where that is refused.
+    /// The material that a keyword belongs to; None where that is refused.
     fn current_material(&mut self, k: &Keyword) -> Result<Option<usize>> {
         match self.material {
             Some(material) => Ok(Some(material)),
-            None => Err((k.line, format!("*{} stands before any *MATERIAL", k.name))),
+            None => Err((k.line, format!("*{} comes before any *MATERIAL", k.name))),
         }
     }
 
@@ -282,7 +282,7 @@ impl<'a> Said<'a> {
         if points.is_empty() || all.len() % 2 == 1 || !grows {
             return Err((
                 k.line,
-                "*AMPLITUDE has pairs of growing times and factors".to_owned(),
+                "*AMPLITUDE needs pairs of increasing times and factors".to_owned(),
             ));
         }
         self.amplitudes.push(Amplitude {
@@ -318,7 +318,7 @@ impl<'a> Said<'a> {
         let Ok(points) = <[f64; 6]>::try_from(all) else {
             return Err((
                 line,
-                "*TRANSFORM has the coordinates of two points".to_owned(),
+                "*TRANSFORM needs the coordinates of two points".to_owned(),
             ));
         };
         self.transforms.push(Transform {
@@ -338,12 +338,12 @@ impl<'a> Said<'a> {
                 "NLGEOM" if !no => self.refuse(
                     k.line,
                     "NLGEOM",
-                    "*STEP, NLGEOM: displacements and rotations are taken to be small",
+                    "*STEP, NLGEOM: displacements and rotations are assumed small",
                 ),
                 "PERTURBATION" => self.refuse(
                     k.line,
                     "PERTURBATION",
-                    "*STEP, PERTURBATION: every step begins where the one before has ended",
+                    "*STEP, PERTURBATION: every step starts where the previous one ended",
                 ),
                 _ => {}
             }
@@ -363,7 +363,7 @@ impl<'a> Said<'a> {
         let Some(interaction) = self.interaction else {
             return Err((
                 k.line,
-                "*SURFACE BEHAVIOR stands before any *SURFACE INTERACTION".to_owned(),
+                "*SURFACE BEHAVIOR comes before any *SURFACE INTERACTION".to_owned(),
             ));
         };
         let kind = k
@@ -415,7 +415,7 @@ impl<'a> Said<'a> {
                 _ => {
                     return Err((
                         line,
-                        "a table has a pressure and an overclosure in a line".to_owned(),
+                        "each line of a table needs a pressure and an overclosure".to_owned(),
                     ));
                 }
             }
@@ -423,12 +423,11 @@ impl<'a> Said<'a> {
         let grows = |pair: &[[f64; 2]]| pair[0][0] <= pair[1][0] && pair[0][1] < pair[1][1];
         let zeros = points.iter().take_while(|point| point[0] == 0.0).count();
         if !points.windows(2).all(grows) || zeros == 0 || zeros == points.len() {
-            let text =
-                "*SURFACE BEHAVIOR: pressures of a table grow with the overclosure, from 0 on";
+            let text = "*SURFACE BEHAVIOR: pressures of a table must increase with the overclosure, from 0 on";
             return Err((line, text.to_owned()));
         }
         let points = &points[zeros - 1..];
-        // A law that grows stiffer is the sum of linear ones, each from one of its corners on.
+        // A law that becomes stiffer is a sum of linear ones, each starting at one of its corners.
         let mut springs: Vec<[f64; 2]> = Vec::new();
         let mut before = 0.0;
         for pair in points.windows(2) {
@@ -439,7 +438,8 @@ impl<'a> Said<'a> {
                 continue;
             }
             if more < 0.0 {
-                let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: a table must not grow softer with the overclosure";
+                let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: a table must not become softer as the \
+                            overclosure grows";
                 self.refuse(line, "SURFACE BEHAVIOR", text);
                 return Ok(());
             }
@@ -455,7 +455,7 @@ impl<'a> Said<'a> {
         let Some(interaction) = self.interaction else {
             return Err((
                 k.line,
-                "*FRICTION stands before any *SURFACE INTERACTION".to_owned(),
+                "*FRICTION comes before any *SURFACE INTERACTION".to_owned(),
             ));
         };
         self.only(k, &["ELASTIC SLIP", "SLIP TOLERANCE"]);
@@ -563,7 +563,7 @@ impl<'a> Said<'a> {
             let [slave, master, ..] = all[..] else {
                 return Err((
                     line,
-                    "*CONTACT PAIR has the slave and the master surface in a line".to_owned(),
+                    "*CONTACT PAIR needs the slave and the master surface in each line".to_owned(),
                 ));
             };
             self.pairs.push(PairCard {
@@ -584,7 +584,7 @@ impl<'a> Said<'a> {
                 self.refuse(
                     k.line,
                     "CYCLIC SYMMETRY",
-                    format!("*TIE, {cyclic}: there is no cyclic symmetry"),
+                    format!("*TIE, {cyclic}: cyclic symmetry is not supported"),
                 );
                 return Ok(());
             }
@@ -609,7 +609,7 @@ impl<'a> Said<'a> {
             let [slave, master, ..] = all[..] else {
                 return Err((
                     line,
-                    "*TIE has the slave and the master surface in a line".to_owned(),
+                    "*TIE needs the slave and the master surface in each line".to_owned(),
                 ));
             };
             let name = k.option("NAME").filter(|name| !name.is_empty());
@@ -636,7 +636,12 @@ impl<'a> Said<'a> {
             };
             let mut terms: Vec<(&str, u64, f64)> = Vec::new();
             while terms.len() < count {
-                let few = || (line, "*EQUATION has fewer terms than it says".to_owned());
+                let few = || {
+                    (
+                        line,
+                        "*EQUATION has fewer terms than it announces".to_owned(),
+                    )
+                };
                 let &(line, text) = lines.next().ok_or_else(few)?;
                 let mut all: Vec<&str> = entries(text).map(plain).collect();
                 while all.last().is_some_and(|last| last.is_empty()) {
@@ -645,7 +650,7 @@ impl<'a> Said<'a> {
                 for term in all.chunks(3) {
                     let [target, direction, factor] = *term else {
                         let text =
-                            "*EQUATION has a node or set, a direction and a factor for each term";
+                            "*EQUATION needs a node or set, a direction and a factor for each term";
                         return Err((line, text.to_owned()));
                     };
                     terms.push((target, component(line, direction)?, value(line, factor)?));
@@ -729,7 +734,7 @@ impl<'a> Said<'a> {
                     let [target, of_target, ..] = all[..] else {
                         return Err((
                             line,
-                            "a temperature has its node or set and a value".to_owned(),
+                            "each temperature needs a node or set and a value".to_owned(),
                         ));
                     };
                     self.initial_temperatures
@@ -739,7 +744,7 @@ impl<'a> Said<'a> {
             kind => {
                 let kind = kind.unwrap_or("none");
                 let text = format!(
-                    "*INITIAL CONDITIONS, TYPE={kind}: bodies are at rest and free of stress at the beginning"
+                    "*INITIAL CONDITIONS, TYPE={kind}: bodies are initially at rest and free of stress"
                 );
                 self.refuse(k.line, "INITIAL CONDITIONS", text);
             }

@@ -1,4 +1,4 @@
-//! What loads and supports are at the end of each load step.
+//! The values of loads and supports at the end of each load step.
 
 use super::said::{Amplitude, Said};
 use std::collections::HashMap;
@@ -39,17 +39,17 @@ impl<'a> Times<'a> {
     }
 }
 
-/// What a deck says of something in one of its steps.
+/// An entry of a deck in one of its steps.
 #[derive(Clone, Copy)]
 struct Setting {
     step: usize,
     line: usize,
-    /// None: it is gone.
+    /// None: it is removed.
     value: Option<f64>,
     amplitude: Option<usize>,
 }
 
-/// Something that has a value, with the line that speaks of it first.
+/// Something that has a value, with the first line about it.
 pub(super) struct Track {
     pub line: usize,
     /// The set that it was named by; empty of a number.
@@ -58,7 +58,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// The line of the deck that makes it come or go after the beginning.
+    /// The line of the deck that adds or removes it after the beginning.
     pub fn changes(&self) -> Option<usize> {
         let late = self.settings.first().filter(|first| first.step > 0);
         let gone = || self.settings.iter().find(|setting| setting.value.is_none());
@@ -99,9 +99,9 @@ impl Track {
     }
 }
 
-/// What values over the load steps are multiples of, and the multiples: none where all are the same.
+/// The common value of which the values over the load steps are multiples, and the multiples: none where all are equal.
 pub(super) fn factors(values: &[f64]) -> (f64, Option<Vec<f64>>) {
-    // Of values as large as each other the last.
+    // The last of equally large values.
     let largest = values
         .iter()
         .fold(0.0, |a: f64, &v| if v.abs() >= a.abs() { v } else { a });
@@ -147,7 +147,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             Some(&number) => {
                 let track = &mut self.all[number].1;
                 track.origin = origin.to_owned();
-                // What is taken away and set again in one step has not been away.
+                // An entry that is removed and set again in one step was never removed.
                 (track.settings).pop_if(|last| last.value.is_none() && last.step == step);
                 track.settings.push(setting);
             }

@@ -1,17 +1,17 @@
-//! What a deck says.
+//! The contents of a deck.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Something that changes the result and cannot be said here.
+/// An entry that changes the result and is not supported.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Refusal {
     pub line: usize,
-    /// What `--ignore` calls it; empty where to go on without it makes no sense.
+    /// Its name for `--ignore`; empty if ignoring it leaves no valid case.
     pub key: String,
     pub text: String,
 }
 
-/// `*MATERIAL` with what follows it.
+/// `*MATERIAL` with its subsequent keywords.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MaterialCard {
     pub line: usize,
@@ -69,7 +69,7 @@ pub(super) struct StepCard {
     pub is_static: bool,
 }
 
-/// What OP=NEW begins afresh.
+/// The kinds that OP=NEW resets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) enum Kind {
     Boundary,
@@ -79,10 +79,10 @@ pub(super) enum Kind {
     Temperature,
 }
 
-/// What a data line of a load says.
+/// A data line of a load.
 #[derive(Clone, Debug)]
 pub(super) enum What<'a> {
-    /// All of the kind from before are gone.
+    /// All earlier ones of the kind are removed.
     Clear(Kind),
     /// Components from 0.
     Boundary {
@@ -139,19 +139,19 @@ pub(super) struct Load<'a> {
     pub amplitude: Option<usize>,
 }
 
-/// `*SURFACE INTERACTION` with what follows it.
+/// `*SURFACE INTERACTION` with its subsequent keywords.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interaction {
     /// In capitals.
     pub name: String,
-    /// Pressures per overlap, each from an overlap on (below 0 a gap), that add up; none: hard.
+    /// Pressures per overlap, each starting at an overlap (below 0 a gap), that add up; none: hard.
     pub springs: Vec<[f64; 2]>,
     pub tied: bool,
     pub friction: Option<f64>,
     pub stick_slope: Option<f64>,
 }
 
-/// What `ADJUST=` says.
+/// The value of `ADJUST=`.
 #[derive(Clone, Copy)]
 pub(super) enum Adjust<'a> {
     Distance(f64),
@@ -230,7 +230,7 @@ pub(super) struct Transform<'a> {
     pub points: [f64; 6],
 }
 
-/// All that a deck says.
+/// The whole contents of a deck.
 #[derive(Default)]
 pub(super) struct Said<'a> {
     pub title: String,
@@ -253,11 +253,11 @@ pub(super) struct Said<'a> {
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,
-    /// What was passed over, with the first line of each.
+    /// Skipped keywords, with the first line of each.
     pub passed: BTreeMap<String, usize>,
-    /// What the user wants to go on without, in capitals.
+    /// Names that the user ignores, in capitals.
     pub ignored: HashSet<String>,
-    /// The material and the interaction that keywords are about.
+    /// The current material and interaction of keywords.
     pub material: Option<usize>,
     pub interaction: Option<usize>,
     /// Whether the next `*FRICTION` is about a step.

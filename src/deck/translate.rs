@@ -1,4 +1,4 @@
-//! From what a deck says to what is said of its mesh.
+//! From the contents of a deck to the model on its mesh.
 
 mod contacts;
 mod loads;
@@ -17,10 +17,10 @@ use std::collections::BTreeMap;
 
 type Result<T> = std::result::Result<T, Wrong>;
 
-/// What a deck says of its mesh, and what has no effect in it.
+/// The model of a deck, and entries without effect.
 pub(super) struct Translated {
     pub definition: AnyDefinition,
-    /// Its parts by their paths, such as `support[0]`, each with the line of the deck that it comes from.
+    /// Its parts by their paths, such as `support[0]`, each with its line of the deck.
     pub lines: Vec<(String, usize)>,
     pub notes: Vec<String>,
     pub adjustments: Vec<Adjustment>,
@@ -28,7 +28,7 @@ pub(super) struct Translated {
     pub has_nodal_values: bool,
 }
 
-/// Refuses what shows without the mesh.
+/// Refuses entries that are wrong whatever the mesh.
 pub(super) fn check(said: &mut Said) {
     if said.steps.is_empty() {
         said.refuse(
@@ -44,7 +44,7 @@ pub(super) fn check(said: &mut Said) {
         .map(|step| step.line)
         .collect();
     for line in none {
-        said.refuse(line, "STEP", "*STEP: it has no *STATIC");
+        said.refuse(line, "STEP", "*STEP: *STATIC is missing");
     }
     let springs = said.types.iter().any(|name| name.starts_with("SPRING"));
     let is_refused = |one: &Refusal| one.key == "SPRING";
@@ -67,19 +67,19 @@ pub(super) fn check(said: &mut Said) {
         said.refuse(
             line,
             "SOLID SECTION",
-            "*SOLID SECTION: all bodies have one thickness",
+            "*SOLID SECTION: all bodies must have the same thickness",
         );
     }
 }
 
-/// How the types of elements in the plane begin, and what they are.
+/// The first letters of plane element types, and their states.
 const PLANES: [(&str, Plane); 3] = [
     ("CPE", Plane::PlaneStrain),
     ("CPS", Plane::PlaneStress),
     ("CAX", Plane::Axisymmetric),
 ];
 
-/// What is known while a deck is translated.
+/// The state of a translation.
 struct Translation<'a, 'i, const D: usize> {
     said: &'a Said<'a>,
     index: &'a mut Index<'i>,
@@ -100,11 +100,11 @@ struct Translation<'a, 'i, const D: usize> {
     /// Displacements that are equal, by direction and node, as numbers of `equal`.
     equal_of: BTreeMap<(usize, u32), usize>,
     equal: Vec<Alike>,
-    /// Numbers of the sets that are made here, by what they are called.
+    /// Numbers of the sets that are made here, by their names.
     made: BTreeMap<&'static str, usize>,
 }
 
-/// What is said of the mesh, and all that cannot be said of one; `place` names a line of the deck.
+/// The model on the mesh, and all entries that it cannot express; `place` names a line of the deck.
 pub(super) fn definition(
     said: &Said,
     index: &mut Index,
@@ -162,7 +162,7 @@ fn translated<const D: usize>(
 }
 
 impl<const D: usize> Translation<'_, '_, D> {
-    /// Refuses something, unless the user goes on without it.
+    /// Refuses something, unless the user ignores it.
     fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
         if self.said.ignores(key) {
             let place = (self.place)(line);
@@ -176,7 +176,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         });
     }
 
-    /// Says where a part comes from: the next one of a kind, by the key of its table.
+    /// Records the line of a part: the next one of a kind, by the key of its table.
     fn comes_from(&mut self, line: usize, key: &str) {
         let alike = |one: &&(String, usize)| one.0.split('[').next() == Some(key);
         let number = self.lines.iter().filter(alike).count();
@@ -195,9 +195,9 @@ impl<const D: usize> Translation<'_, '_, D> {
         }
     }
 
-    /// What holds everywhere.
+    /// The properties of the whole model.
     fn whole(&mut self) {
-        // A deck does not tell its units.
+        // A deck does not state its units.
         self.definition.units = Some(Units::untold());
         if D == 2 {
             let is_there = |begin: &str| self.said.types.iter().any(|name| name.starts_with(begin));
@@ -292,7 +292,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             .collect()
     }
 
-    /// The material of a section; one without anything where there is none.
+    /// The material of a section; an empty one if it is missing.
     fn material(&self, section: usize) -> MaterialCard {
         let name = &self.said.sections[section].material;
         let material = self.said.materials.iter().find(|one| one.name == *name);
@@ -300,7 +300,7 @@ impl<const D: usize> Translation<'_, '_, D> {
     }
 }
 
-/// A part with load factors of its own, where there are any; `add` gives it some.
+/// A part with its own load factors, if there are any; `add` sets them.
 fn with_factors<P>(part: P, factors: Option<Vec<f64>>, add: fn(P, Vec<f64>) -> P) -> P {
     match factors {
         Some(factors) => add(part, factors),
@@ -308,7 +308,7 @@ fn with_factors<P>(part: P, factors: Option<Vec<f64>>, add: fn(P, Vec<f64>) -> P
     }
 }
 
-/// Numbers or expressions along the axes, of which an empty one is none, as quantities.
+/// Numbers or expressions along the axes as quantities, without empty ones.
 fn quantities<const D: usize>(
     line: usize,
     texts: &[String; 3],

@@ -1,10 +1,10 @@
-//! Contact forces that balance every floating body: the nearest λ ∈ Λ with Gλ = e, and what is orthogonal to G.
+//! Contact forces that balance every floating body: the nearest λ ∈ Λ with Gλ = e, and projections orthogonal to G.
 //!
-//! With the equality in it, Λₑ = {λ ∈ Λ: Gλ = e} is convex as Λ is. All that the method asks of Λ is its
-//! projection, and that of Λₑ costs no product with A: λ = P_Λ(x + Gᵀη), where the few numbers η make a
-//! convex, piecewise quadratic function least, φ(η) = ½‖z‖² − ½‖z − P_Λ(z)‖² − ηᵀe with z = x + Gᵀη. Its
-//! gradient is Gλ − e. Newton's method with a line search finds them in finitely many steps; where φ has no
-//! minimum no λ ∈ Λ balances the bodies, and the gradient that is left tells which body is pushed where.
+//! With this equality, Λₑ = {λ ∈ Λ: Gλ = e} is convex like Λ. The method needs only the projection, and that onto Λₑ
+//! costs no product with A: λ = P_Λ(x + Gᵀη), where the few numbers η minimise a convex, piecewise quadratic function
+//! φ(η) = ½‖z‖² − ½‖z − P_Λ(z)‖² − ηᵀe with z = x + Gᵀη. Its gradient is Gλ − e. Newton's method with a line search
+//! finds them in finitely many steps. If φ has no minimum, no λ ∈ Λ balances the bodies, and the remaining gradient
+//! tells which body is pushed in which direction.
 
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
@@ -15,13 +15,14 @@ use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
 
-/// φ counts as curved by this much in every direction (G has columns of length one), around the η of the pass
-/// before: motions that no force resists at the moment stay what they were. Less of it where x is far away and
-/// the forces are small, and where it hides that the bodies can be balanced, as by forces with a tiny arm.
+/// This curvature is added to φ in every direction (G has columns of length one), around the η of the pass before, so
+/// that motions without resistance stay as they were. It is reduced where x is far away and the forces are small, and
+/// where it hides that the bodies can be balanced, as by forces with a tiny arm.
 pub(crate) const CURVATURE: f64 = 1e-8;
 /// Steps of Newton's method in a pass at most, and of its line search: random bodies take up to 40 of the former.
 const STEPS: usize = 200;
-/// Forces that balance up to this part of those that act do balance: loads and normals of meshes are no better.
+/// Forces that leave less than this part of the acting ones unbalanced count as balanced: loads and normals of meshes
+/// are no more accurate.
 pub(crate) const BALANCED: f64 = 1e-10;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
@@ -35,15 +36,15 @@ pub(crate) struct Balance {
     lengths: Vec<f64>,
     /// e, divided by them.
     e: Vec<f64>,
-    /// The sum of |R||f|: what an imbalance is compared with.
+    /// The sum of |R||f|: the scale of an imbalance.
     acting: Vec<f64>,
     /// The body of each motion.
     body: Vec<usize>,
-    /// What a unit of each multiplier does to the motions of each body together, a row for each multiplier.
+    /// The effect of a unit of each multiplier on the motions of each body, a row for each multiplier.
     shares: Csr,
-    /// e where no multiplier resists, as it is.
+    /// e where no multiplier resists, unchanged.
     without_contact: Vec<f64>,
-    /// [`CURVATURE`], or less where that is what it takes to balance the bodies.
+    /// [`CURVATURE`], or less if the balance of the bodies requires it.
     curvature: f64,
 }
 
@@ -53,7 +54,7 @@ pub(crate) struct Nearest {
     pub lambda: Vec<f64>,
     /// η: λ = P_Λ(x + Gᵀη).
     pub eta: Vec<f64>,
-    /// e − Gλ; zero but for rounding where the bodies are balanced.
+    /// e − Gλ; zero up to rounding if the bodies are balanced.
     pub imbalance: Vec<f64>,
     /// The motion of the bodies that this drives and that no forces of Λ resist.
     pub motion: Vec<f64>,
@@ -61,14 +62,15 @@ pub(crate) struct Nearest {
     pub balanced: bool,
 }
 
-/// An η on the way to the nearest point.
+/// An intermediate η of the search for the nearest point.
 struct Trial<const D: usize> {
     eta: Vec<f64>,
     /// x + Gᵀη.
     z: Vec<f64>,
     /// P_Λ(z).
     lambda: Vec<f64>,
-    /// What λ is a sum of: Σ |P'||z|. Of a node on the edge of its cone far more than λ, where nothing holds a body.
+    /// Σ |P'||z|, the terms whose sum is λ. For a node on the edge of its cone far more than λ, where nothing holds a
+    /// body.
     terms: Vec<f64>,
     /// P' at z, node by node.
     derivatives: Vec<[[f64; D]; D]>,
@@ -149,7 +151,7 @@ impl Balance {
         self.e.len()
     }
 
-    /// Gᵀη as it is added to forces; η as [`Nearest::eta`] has it.
+    /// Gᵀη as a change of forces; η as in [`Nearest::eta`].
     pub fn spread(&self, eta: &[f64]) -> Vec<f64> {
         let mut forces = vec![0.0; self.motions.n_rows()];
         self.motions.mul(eta, &mut forces);
@@ -177,8 +179,8 @@ impl Balance {
             .collect()
     }
 
-    /// The forces that act on each motion, where the contact forces are λ: those of its body, as a motion that
-    /// none of them has a part in is balanced all the same.
+    /// The forces that act on each motion, if the contact forces are λ: those of its body, because a motion without a
+    /// share in any of them has to be balanced too.
     fn rounding(&self, lambda: &[f64]) -> Vec<f64> {
         let mut sums = vec![0.0_f64; self.shares.n_cols()];
         for (&body, &acting) in self.body.iter().zip(&self.acting) {
@@ -198,7 +200,7 @@ impl Balance {
         sums
     }
 
-    /// The point of Λₑ next to x, or the one of Λ whose imbalance is least; `project` is P_Λ on a contact node.
+    /// The point of Λₑ nearest to x, or the one of Λ with the least imbalance; `project` is P_Λ on a contact node.
     pub fn nearest<const D: usize>(
         &self,
         x: &[f64],
@@ -207,7 +209,7 @@ impl Balance {
         let k = self.count();
         let mut now = Trial::at(vec![0.0; k], x.to_vec(), &project);
         let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
-        // A motion that nothing resists takes up the rounding of the slope divided by this, which must not come back larger.
+        // A motion without resistance takes up the rounding of the slope divided by this, which must not come back larger.
         let least = self.curvature.min(100.0 * ROUNDING);
         let curvature = (self.curvature * acting / norm_max(x).max(acting)).max(least);
         let mut before = f64::INFINITY;
@@ -229,7 +231,7 @@ impl Balance {
         let Trial {
             eta, mut lambda, ..
         } = now;
-        // Where nothing loads the bodies, forces below the rounding of x are none. What is apart has no part in it, however far.
+        // Without a load, forces below the rounding of x count as zero. Open nodes have no part in it, however far apart.
         let m = x.len() / D;
         let is_apart = |i: usize| i < m && x[i] < 0.0 && lambda[i] == 0.0;
         let near = x.iter().enumerate().filter(|&(i, _)| !is_apart(i));
@@ -252,7 +254,7 @@ impl Balance {
         }
     }
 
-    /// Where φ, curved by that much more around the η it starts from, is least.
+    /// The minimum of φ with that much more curvature around the initial η.
     fn pass<const D: usize>(
         &self,
         mut now: Trial<D>,
@@ -292,8 +294,8 @@ impl Balance {
         now
     }
 
-    /// What is left of the imbalance of the nearest forces, as a motion: they would resist any that they could be larger
-    /// against. Of a body that moves where nothing touches it, that alone.
+    /// The remaining imbalance of the nearest forces, as a motion that larger forces would resist if they could. For a
+    /// body that moves without touching anything, only that body's motion.
     fn mechanism(&self, lambda: &[f64]) -> Vec<f64> {
         let left: Vec<f64> = self.excess(lambda).iter().map(|v| -v).collect();
         let mut motion = self.coefficients(&left);
@@ -330,8 +332,8 @@ impl Balance {
                 }
             }
         }
-        // By eigenvectors: along motions that nothing resists the added curvature is all there is, and rounding of
-        // the other ones must not pass for resistance.
+        // By eigenvectors: along motions without resistance only the added curvature acts, and rounding of the other
+        // ones must not count as resistance.
         let Some((values, vectors)) = symmetric_eigen(&hessian) else {
             return slope.iter().map(|s| -s).collect();
         };
@@ -351,7 +353,7 @@ impl Balance {
         direction
     }
 
-    /// Whether λ balances the bodies but for rounding.
+    /// Whether λ balances the bodies up to rounding.
     pub fn holds(&self, lambda: &[f64]) -> bool {
         self.is_met(lambda, 100.0 * ROUNDING)
     }
@@ -362,8 +364,8 @@ impl Balance {
         (excess.iter().zip(self.rounding(lambda))).all(|(v, r)| v.abs() <= part * r)
     }
 
-    /// The least forces that balance the bodies. What of an imbalance none can remove is given up: from here on the
-    /// rest is to be balanced.
+    /// The least forces that balance the bodies. An imbalance that no forces can remove is given up: from here on only
+    /// the rest is balanced.
     pub fn least<const D: usize>(
         &mut self,
         project: impl Fn(usize, [f64; D]) -> Projected<D>,
@@ -392,8 +394,8 @@ impl Balance {
         self.without_contact.fill(0.0);
     }
 
-    /// G on what is free of each contact node; the tangential multipliers of node i follow the normal one by `follows[i]`
-    /// times the direction of slip where that is not 0 (empty: nowhere).
+    /// G on the free directions of each contact node; the tangential multipliers of node i follow the normal one by
+    /// `follows[i]` times the direction of slip where that is not 0 (empty: nowhere).
     pub fn on_face<const D: usize>(
         self: &Rc<Self>,
         nodes: &[NodeSets<D>],
@@ -440,7 +442,7 @@ impl Balance {
     }
 }
 
-/// How the multipliers of a node move for each of its unknowns: the columns of F.
+/// The motion of a node's multipliers for each of its unknowns: the columns of F.
 fn unknowns<const D: usize>(node: &NodeSets<D>, follows: f64) -> Vec<[f64; D]> {
     let s = node.slip.unwrap_or([0.0; D]);
     let normal = node.contact.then(|| {
@@ -457,7 +459,7 @@ type Columns<const D: usize> = Vec<Vec<[f64; D]>>;
 
 /// G on the free multipliers of a face of Λ.
 ///
-/// A multiplier moves as F y for free y: Z y but for slipping nodes under Coulomb's law, whose tangential
+/// A multiplier moves as F y for free y: Z y, except at slipping nodes under Coulomb's law, whose tangential
 /// multipliers follow the normal one.
 pub(crate) struct FaceBalance<const D: usize> {
     balance: Rc<Balance>,
@@ -476,7 +478,7 @@ impl<const D: usize> FaceBalance<D> {
         add_allowed(&self.moving, &forces, lambda);
     }
 
-    /// Removes from p = F y what changes Gλ.
+    /// Removes the part of p = F y that changes Gλ.
     pub fn project(&self, p: &mut [f64]) {
         for _ in 0..2 {
             let mut moved = vec![0.0; self.balance.count()];
@@ -485,7 +487,7 @@ impl<const D: usize> FaceBalance<D> {
         }
     }
 
-    /// Removes from r, zero on the held multipliers, what motions of the bodies can take away.
+    /// Removes the part of r, zero on the held multipliers, that motions of the bodies can cancel.
     pub fn project_residual(&self, r: &mut [f64]) {
         let (inverse, free) = match &self.residuals {
             Some((inverse, free)) => (inverse, free),
@@ -499,7 +501,7 @@ impl<const D: usize> FaceBalance<D> {
         }
     }
 
-    /// Balances λ by its free multipliers; false where they cannot. Leaves it as it is where it is balanced.
+    /// Balances λ by its free multipliers; false if they cannot. A balanced λ stays unchanged.
     pub fn balance(&self, lambda: &mut [f64]) -> bool {
         for _ in 0..3 {
             if self.balance.holds(lambda) {
@@ -531,7 +533,7 @@ fn times(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Where a function that rises from `first` < 0 at 0 comes near zero; the last place that it is asked for.
+/// A point near the zero of a function that rises from `first` < 0 at 0; the function is evaluated there last.
 fn where_it_turns(first: f64, mut rise: impl FnMut(f64) -> f64) -> f64 {
     if !(first < 0.0) {
         return 0.0;

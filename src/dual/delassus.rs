@@ -6,7 +6,7 @@ use crate::problem::{ContactProblem, Elsewhere, LoadCase};
 use crate::sparse::Csr;
 use std::sync::Arc;
 
-/// How many u are remembered with the forces that they are of.
+/// The number of u that are remembered with their forces.
 const REMEMBERED: usize = 8;
 
 /// A = B W Bᵀ with W as a product y = W x, for [`ContactProblem::from_delassus`].
@@ -35,7 +35,7 @@ const REMEMBERED: usize = 8;
 pub struct DelassusDual<W> {
     contact: Arc<Csr>,
     product: W,
-    /// W, where it is more than a product.
+    /// W, if it is known as more than a product.
     matrix: Option<Csr>,
     /// (u, K u), the last ones.
     known: Vec<[Vec<f64>; 2]>,
@@ -55,7 +55,8 @@ where
         }
     }
 
-    /// The same where W is at hand as a matrix: few steps then solve what has many contacts that depend on each other.
+    /// The same where W is available as a matrix: few steps then solve problems with many contacts that depend on each
+    /// other.
     pub fn with_matrix(self, matrix: Csr) -> Self {
         Self {
             matrix: Some(matrix),
@@ -117,7 +118,7 @@ where
     }
 
     fn matrix(&self) -> Option<Csr> {
-        // Of each entry of q the row of B that it is.
+        // The row of B for each entry of q.
         let mut rows = vec![0; self.contact.n_cols()];
         (self.contact.triplets()).for_each(|(row, entry, _)| rows[entry] = row);
         let entries = self.matrix.as_ref()?.triplets();
@@ -144,7 +145,7 @@ where
         Ok(u)
     }
 
-    /// Of what [`Self::displacement`] has made, K u is what it was made of: W has no inverse to ask.
+    /// For the result of [`Self::displacement`], K u is the vector it was made from: W has no inverse to apply.
     fn stiffness_times(&mut self, u: &[f64], _: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
         if u.iter().all(|&u| u == 0.0) {
             return Ok([vec![0.0; u.len()], vec![0.0; u.len()]]);

@@ -19,8 +19,8 @@ use std::time::Instant;
 
 /// A relative residual of the probe solve that needs no second look.
 const PROBE_LIMIT: f64 = 1e-6;
-/// The backward error of the probe solve, and its relative error by one step of refinement, that are accepted at most.
-/// Slender bodies have large residuals beside small loads: there K x is a small difference of large terms.
+/// The largest accepted backward error of the probe solve; its relative error comes from one step of refinement.
+/// Slender bodies have large residuals under small loads: there K x is a small difference of large terms.
 const BACKWARD_LIMIT: f64 = 1e-12;
 const FORWARD_LIMIT: f64 = 1e-4;
 /// The unknowns of a rigid body in space, twice: blocks of K may be shared by two bodies.
@@ -86,7 +86,7 @@ impl DirectDual {
         Self::with_plan(problem, plan(problem)?)
     }
 
-    /// As [`DirectDual::new`], with a plan made for the same problem before.
+    /// Like [`DirectDual::new`], with an earlier plan for the same problem.
     pub(crate) fn with_plan<const D: usize>(
         problem: &ContactProblem<D>,
         plan: Plan,
@@ -111,8 +111,9 @@ impl DirectDual {
         Ok(dual)
     }
 
-    /// Goes on with another problem, whose K is the same where `same_k` says so; whether K has got other values, None where its
-    /// unknowns, the pattern of its K or what its B touches do not fit. After that and after an error it is of no use any more.
+    /// Switches to another problem, with the same K if `same_k` is true. Returns whether K has new values; None if its
+    /// unknowns, the pattern of K or the unknowns that B touches do not fit. After None and after an error the operator is
+    /// unusable.
     pub(crate) fn update<const D: usize>(
         &mut self,
         problem: &ContactProblem<D>,
@@ -192,7 +193,7 @@ impl DirectDual {
         })
     }
 
-    /// Goes on with the f of a load case.
+    /// Takes the f of a load case.
     fn take(&mut self, load: &LoadCase) {
         if load.take_force(&mut self.load) {
             self.reduced_load = self.factor.reduce(&self.load);
@@ -221,7 +222,7 @@ impl DirectDual {
         rest
     }
 
-    /// |K| |x| + |f|: what K x − f is a difference of.
+    /// |K| |x| + |f|: the scale of the terms of K x − f.
     fn terms(&self, x: &[f64], f: &[f64]) -> Vec<f64> {
         let mut terms: Vec<f64> = f.iter().map(|f| f.abs()).collect();
         (self.k).for_entries(&mut |i, j, value| terms[i] += (value * x[j]).abs());
@@ -229,7 +230,7 @@ impl DirectDual {
     }
 }
 
-/// A = B K⁻¹ Bᵀ where K falls apart into bodies with few unknowns: then A couples the contacts of a body alone.
+/// A = B K⁻¹ Bᵀ where K consists of bodies with few unknowns: then A couples only the contacts of each body.
 fn of_rigid_bodies<const D: usize>(problem: &ContactProblem<D>) -> Option<Csr> {
     if !problem.floating_bodies().is_empty() {
         return None;
@@ -346,7 +347,7 @@ impl DualOperator for DirectDual {
             let mut x = self.factor.reduce(&rest);
             let correction = self.factor.finish(&mut x);
             let moved = norm(&correction);
-            // The residual says little where K x is a small difference of large terms.
+            // The residual says little if K x is a small difference of large terms.
             if self.refined && !(moved <= 0.5 * before) {
                 break;
             }

@@ -12,10 +12,10 @@ use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Times that a displacement is made more accurate for the sake of its ties.
+/// The number of refinements of a displacement for the sake of its ties.
 const MOST_PASSES: usize = 4;
-/// Load and forces together are this far from the unit they are computed in at most: without a load, or beside forces that a
-/// step has sent far away, what is small is lost in f32.
+/// Load and forces together differ at most by this factor from the unit of the computation: without a load, or beside forces
+/// that a step has made huge, small values are lost in f32.
 const FAR: f64 = 1e12;
 
 /// Whether Bᵀp is no more than the rounding of its terms, as it may be where rows depend on each other.
@@ -86,9 +86,9 @@ impl<'a, const D: usize> Grounded<'a, D> {
 
 /// The dual operator of a problem by PCG on a backend.
 ///
-/// Where the backend computes in f64, a product moves 2m numbers to it and 2m numbers back, the latter
-/// together with the progress of CG; everything of size n stays there. Where it computes in f32, the
-/// products with B and Bᵀ are made on the host in f64, beside the residuals of the refinement.
+/// Where the backend computes in f64, a product moves 2m numbers to it and 2m numbers back, the latter together with
+/// the progress of CG; all vectors of size n stay there. Where it computes in f32, the host makes the products with B
+/// and Bᵀ in f64, as well as the residuals of the refinement.
 pub struct NestedDual<B: Backend> {
     b: Arc<Csr>,
     k: Arc<dyn SquareBlocks>,
@@ -97,11 +97,11 @@ pub struct NestedDual<B: Backend> {
     pcg: Pcg<B>,
     /// Unknowns tied to the ground, where bodies can move as a whole, and how stiffly.
     ties: Vec<(u32, f64)>,
-    /// A power of two near ‖f‖: what f and u are divided by on the backend.
+    /// A power of two near ‖f‖: the backend has f and u divided by it.
     unit: f64,
     /// u of the last gradient or displacement, the start for the next, where it is kept on the host.
     u: Vec<f64>,
-    /// x = K⁻¹Bᵀp of the last product, where it is kept on the host, and what it has to be multiplied by on the backend.
+    /// x = K⁻¹Bᵀp of the last product, if it is kept on the host, and its factor on the backend.
     x: Vec<f64>,
     unit_of_x: f64,
     on_backend: Option<OnBackend<B>>,
@@ -142,8 +142,8 @@ impl<B: Backend> NestedDual<B> {
         })
     }
 
-    /// Goes on with another problem, whose K is the same where `same_k` says so; whether the preconditioner has got other values,
-    /// None where its structure does not fit. After that and after an error it is of no use any more.
+    /// Switches to another problem, with the same K if `same_k` is true. Returns whether the preconditioner has new values; None
+    /// if its structure does not fit. After None and after an error the operator is unusable.
     pub(crate) fn update<const D: usize>(
         &mut self,
         problem: &ContactProblem<D>,
@@ -178,17 +178,17 @@ impl<B: Backend> NestedDual<B> {
         Ok(Some(renewed))
     }
 
-    /// What it computes on.
+    /// The backend.
     pub fn backend(&self) -> &B {
         &self.pcg.backend
     }
 
-    /// The levels of multigrid, for a log, and why there are none where multigrid was asked for.
+    /// The levels of multigrid, for a log, and why multigrid is missing although requested.
     pub fn levels(&self) -> [Option<&str>; 2] {
         [self.pcg.hierarchy.as_deref(), self.pcg.fallback.as_deref()]
     }
 
-    /// Goes on with the f of a load case.
+    /// Takes the f of a load case.
     fn take(&mut self, load: &LoadCase) -> Result<(), PcgError> {
         if !load.take_force(&mut self.load) {
             return Ok(());
@@ -197,7 +197,7 @@ impl<B: Backend> NestedDual<B> {
         self.scale_to(power_of_two_below(norm(load.force())))
     }
 
-    /// Hands the load to the backend in another unit; the u there starts from zero.
+    /// Passes the load to the backend in another unit; the u there starts from zero.
     fn scale_to(&mut self, unit: f64) -> Result<(), PcgError> {
         self.unit = unit;
         if let Some(there) = &mut self.on_backend {
@@ -211,8 +211,8 @@ impl<B: Backend> NestedDual<B> {
         Ok(())
     }
 
-    /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u. A residual is meant as it is, not relative
-    /// to the right-hand side.
+    /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
+    /// the right-hand side.
     fn follow(
         &mut self,
         lambda: &[f64],
@@ -225,7 +225,7 @@ impl<B: Backend> NestedDual<B> {
         self.b.mul_transpose_add(1.0, lambda, &mut contact);
         let terms = norm(&self.load).max(norm(&contact));
         if terms == 0.0 {
-            // What PCG leaves of a u that ought to vanish would shrink for ever.
+            // The error that PCG leaves in a vanishing u would have to shrink for ever.
             self.u.fill(0.0);
             if let Some(there) = &mut self.on_backend {
                 self.pcg.backend.clear(&mut there.u);
@@ -263,8 +263,8 @@ impl<B: Backend> NestedDual<B> {
                 ..Run::default()
             },
             accuracy => Run {
-                // What is left of forces that cancel is rounding: without a floor the residual of a u that follows would
-                // have to shrink from step to step.
+                // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
+                // shrink from step to step.
                 residual: UNREACHABLE * terms / unit,
                 ..self.pcg.run_to(accuracy, unit)
             },
@@ -406,7 +406,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
                     u.iter_mut().for_each(|u| *u *= self.unit);
                 }
             }
-            // What CG leaves unbalanced all over a body, its ties hold in a few places.
+            // An imbalance that CG leaves all over a body is held by its ties in a few places.
             let held = (self.ties.iter())
                 .map(|&(i, tie)| (tie * u[i as usize]).powi(2))
                 .sum::<f64>()

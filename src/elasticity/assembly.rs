@@ -61,10 +61,9 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
         .collect()
 }
 
-/// Hands the blocks of the rows of an element's stiffness matrix that are wanted to `take`, each with its nodes a and
-/// b: what the law's tangent makes of the gradients ([`Tangent::add`](super::law::Tangent::add)); where the dilatation is
-/// projected (`dilatation.rs`), what the law says of it acts on what is left of it; incompatible modes (`modes.rs`) take
-/// something away.
+/// Passes the requested blocks of the rows of an element's stiffness matrix to `take`, each with its nodes a and b: the
+/// law's tangent applied to the gradients ([`Tangent::add`](super::law::Tangent::add)); where the dilatation is projected
+/// (`dilatation.rs`), the law's volumetric part acts on the projection; incompatible modes (`modes.rs`) reduce the block.
 struct Blocks<'a, const D: usize, W, F>
 where
     ElementKind: Topology<D>,
@@ -133,7 +132,7 @@ where
     unknowns: &'a Unknowns<D>,
     incidence: Incidence,
     moduli: Vec<Moduli>,
-    /// Where the bodies are; None: at rest.
+    /// The positions of the bodies; None: at rest.
     at: Option<&'a Deformed<'a, D>>,
 }
 
@@ -153,8 +152,8 @@ where
         found.dedup();
     }
 
-    /// Adds up the blocks of some rows, whose pattern is known; `columns` and `values` begin with the first of them.
-    /// Each element is integrated once for all of these rows.
+    /// Adds up the blocks of some rows, with a known pattern; `columns` and `values` begin with the first of them. Each
+    /// element is integrated once for all of these rows.
     fn fill(
         &self,
         rows: Range<usize>,
@@ -194,8 +193,8 @@ where
     }
 }
 
-/// Adds a block K_ab to that of two nodes, without what is prescribed at either, except for the decoupled equations of a
-/// node itself.
+/// Adds a block K_ab to that of two nodes, without the prescribed components of either, except for the decoupled
+/// equations of a node itself.
 pub(crate) fn add_block<const D: usize>(
     unknowns: &Unknowns<D>,
     [a, b]: [u32; 2],
@@ -217,8 +216,8 @@ pub(crate) fn add_block<const D: usize>(
     }
 }
 
-/// Adds the block K_ab of an element to that of two nodes of which one at least has directions of its own: without what
-/// is prescribed at either, P_a K_ab P_b, but for the decoupled equations of a node itself, n (n·K_aa n) nᵀ.
+/// Adds the block K_ab of an element to that of two nodes, at least one of which has its own directions: without the
+/// prescribed components of either, P_a K_ab P_b, except for the decoupled equations of a node itself, n (n·K_aa n) nᵀ.
 fn add_projected<const D: usize>(
     unknowns: &Unknowns<D>,
     [a, b]: [u32; 2],
@@ -334,8 +333,8 @@ where
     BlockCsr::from_parts(n_blocks, unknowns.n_blocks(), row_ptr, col_idx, values)
 }
 
-/// The load f of the free unknowns, in blocks of D per node: the nodal forces (D per node of the mesh)
-/// and what prescribed displacements add; 0 for a prescribed component at a node that keeps a free one.
+/// The load f of the free unknowns, in blocks of D per node: the nodal forces (D per node of the mesh) and the
+/// contribution of prescribed displacements; 0 for a prescribed component at a node with a free one.
 pub fn load_vector<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
@@ -362,7 +361,8 @@ pub(crate) fn free_forces<const D: usize>(unknowns: &Unknowns<D>, forces: &[[f64
     (0..unknowns.n_blocks()).flat_map(free).collect()
 }
 
-/// The nodal forces that a displacement takes beyond those of where bodies are, to first order, from the elements that it moves a node of.
+/// The nodal forces for a displacement beyond the present position of the bodies, to first order, from the elements with a moved
+/// node.
 pub(crate) fn tangent_forces<const D: usize>(
     of: &Deformed<D>,
     displacement: &[[f64; D]],
@@ -374,8 +374,8 @@ where
     forces_of(of.body, Some(of), displacement, moves)
 }
 
-/// The nodal forces that the displacements of all nodes take, from the elements with a prescribed
-/// displacement at one of their nodes: complete at these nodes. Those of foundations are among them.
+/// The nodal forces for the displacements of all nodes, from the foundations and the elements with a prescribed
+/// displacement at one of their nodes: complete at these nodes.
 pub fn internal_forces<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,
@@ -392,7 +392,8 @@ where
     forces
 }
 
-/// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements with one of some nodes.
+/// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements that contain one of
+/// some nodes.
 fn forces_of<const D: usize>(
     body: &Body<D>,
     at: Option<&Deformed<D>>,
@@ -420,7 +421,7 @@ where
     forces
 }
 
-/// Hands over the blocks of an element of K at rest, or of the tangent of displaced bodies, in the rows that are wanted.
+/// Passes the blocks of an element of K at rest, or of the tangent of displaced bodies, in the requested rows.
 fn visit_blocks<const D: usize>(
     body: &Body<D>,
     at: Option<&Deformed<D>>,

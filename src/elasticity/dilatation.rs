@@ -1,8 +1,8 @@
 //! Elements for nearly incompressible bodies: the dilatation is projected on few functions in each element.
 //!
-//! The strain energy is μ ∫ dev ε : dev ε + ½ κ ∫ (π div u)², where π is the projection on the mean in an element, or on what
-//! is linear in the place. With all of div u instead, nearly incompressible elements have as many constraints as unknowns and
-//! lock. The functions m are orthonormal in the element, so that ∫ (π div u)² is a sum of squares, Σ (∫ m div u)².
+//! The strain energy is μ ∫ dev ε : dev ε + ½ κ ∫ (π div u)², where π is the projection on the mean in an element, or on the
+//! linear functions there. With the full div u, nearly incompressible elements have as many constraints as unknowns and lock.
+//! The functions m are orthonormal in the element, so that ∫ (π div u)² is a sum of squares, Σ (∫ m div u)².
 
 use super::Plane;
 use crate::mesh::shape::Point;
@@ -84,7 +84,7 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
         })
     }
 
-    /// Adds `factor` times what Σ (∫ m div u)²/2 has of nodes a and b to a block.
+    /// Adds `factor` times the part of Σ (∫ m div u)²/2 for nodes a and b to a block.
     pub fn add(&self, factor: f64, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
         for of in &self.integrals[..self.count] {
             for i in 0..D {
@@ -106,7 +106,7 @@ impl<const D: usize, const N: usize> Dilatation<D, N> {
         })
     }
 
-    /// What π div u at a place has of the motion of node a along each axis.
+    /// The part of π div u at a place due to the motion of node a along each axis.
     pub fn gradient(&self, place: [f64; D], a: usize) -> [f64; D] {
         let monomials = self.monomials(place);
         let mut sum = [0.0; D];

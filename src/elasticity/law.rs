@@ -11,7 +11,7 @@ pub(super) struct Law {
     mu: f64,
 }
 
-/// ∂σ/∂ε at a strain, which this law has the same for all, times the size of what it is integrated over.
+/// ∂σ/∂ε at a strain, which is constant for this law, times the size of the integration domain.
 #[derive(Clone, Copy)]
 pub(super) struct Tangent {
     lambda: f64,
@@ -29,7 +29,7 @@ impl Law {
         }
     }
 
-    /// The law without what it says of the dilatation θ, and κ: σ is what is left of it and κ θ I, with a θ from elsewhere.
+    /// The law without its dilatation term, and κ: σ is its value plus κ θ I, with the dilatation θ from elsewhere.
     pub fn without_dilatation(self) -> (Self, f64) {
         let third = 2.0 / 3.0 * self.mu;
         let left = Self {
@@ -39,7 +39,7 @@ impl Law {
         (left, self.lambda + third)
     }
 
-    /// Stress and tangent under the displacement gradient ∂uᵢ/∂xⱼ and the strain of what goes round an axis.
+    /// Stress and tangent under the displacement gradient ∂uᵢ/∂xⱼ and the hoop strain around an axis.
     #[inline(always)]
     pub fn response<const D: usize>(&self, e: &[[f64; D]; D], hoop: f64) -> (Stress, Tangent) {
         let &Self { plane, lambda, mu } = self;
@@ -79,9 +79,9 @@ impl Tangent {
         }
     }
 
-    /// Adds to entry [i][j] the work that a displacement by φ_b along axis j does on one by φ_a along i:
-    /// λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I, from the gradients. Round an axis div has φ/x along x, too, and the
-    /// strain of what goes round its 2μ: `hoops` are the φ/x.
+    /// Adds to entry [i][j] the work that a displacement by φ_b along axis j does on one by φ_a along i: λ ∇φ_a ∇φ_bᵀ + μ
+    /// ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I, from the gradients. Around an axis div also contains φ/x along x, and the hoop
+    /// strain adds its 2μ: `hoops` are the φ/x.
     #[inline(always)]
     pub fn add<const D: usize>(
         self,

@@ -1,4 +1,4 @@
-//! Loads: nodal forces from what acts on boundaries and in bodies.
+//! Loads: nodal forces of loads on boundaries and in bodies.
 
 use super::{Body, Field, Temperature};
 use crate::mesh::{
@@ -37,7 +37,7 @@ where
         });
     }
 
-    /// Hands over the integration points of facets with the nodes of each, and the weight that has the depth of the body in it.
+    /// Passes the integration points of facets with the nodes of each, and the weight, which includes the depth of the body.
     pub(crate) fn on_boundary(
         &self,
         facets: &[Facet<D>],
@@ -100,7 +100,7 @@ where
     }
 }
 
-/// Adds what expands an element.
+/// Adds the forces of thermal expansion in an element.
 struct Expansion<'a, const D: usize>
 where
     ElementKind: Topology<D>,
@@ -158,7 +158,7 @@ where
     }
 }
 
-/// Adds what acts in an element.
+/// Adds the body force in an element.
 struct BodyForce<'a, const D: usize, F>
 where
     ElementKind: Topology<D>,

@@ -1,10 +1,10 @@
 //! Incompatible modes: quadrilaterals and hexahedra of first order that bend without being too stiff.
 //!
-//! To the displacements along each axis come those by 1 − ξₖ² for each reference coordinate, which the element has for itself
-//! (Taylor, Beresford and Wilson). Their gradients are those of the middle of the element, (det J₀/det J) J₀⁻ᵀ ∇(1 − ξₖ²), less
-//! their mean: constant stresses do no work on them, so that elements of any form pass the patch test. Round an axis they
-//! do not stretch what goes round. Each is as large as makes the strain energy least, and so leaves the unknowns: with H the
-//! stiffness of the modes and L what couples them to the nodes, K becomes K − L H⁻¹ Lᵀ.
+//! The displacements along each axis gain the modes 1 − ξₖ² for each reference coordinate, internal to the element (Taylor,
+//! Beresford and Wilson). Their gradients are those of the middle of the element, (det J₀/det J) J₀⁻ᵀ ∇(1 − ξₖ²), minus their
+//! mean: constant stresses do no work on them, so that elements of any shape pass the patch test. Around an axis they cause no
+//! hoop strain. Their amplitudes minimise the strain energy and are eliminated: with H the stiffness of the modes and L their
+//! coupling to the nodes, K becomes K − L H⁻¹ Lᵀ.
 
 use super::{Law, Plane};
 use crate::mesh::ShapeFunctions;
@@ -17,11 +17,11 @@ const MOST: usize = 9;
 pub(super) struct Modes<const D: usize, const N: usize> {
     /// det J₀ ∂ξₖ/∂x in the middle.
     rows: [[f64; D]; D],
-    /// What is left of the mean of each gradient.
+    /// The mean of each gradient, to be subtracted.
     mean: [[f64; D]; D],
     /// H = R Rᵀ.
     factor: [[f64; MOST]; MOST],
-    /// The columns of L R⁻ᵀ, of which K loses the squares.
+    /// The columns of L R⁻ᵀ, whose squares are subtracted from K.
     columns: [[[f64; D]; N]; MOST],
 }
 
@@ -126,7 +126,7 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         })
     }
 
-    /// Takes away from a block of K what the modes take of the stiffness between nodes a and b.
+    /// Subtracts the modes' part of the stiffness between nodes a and b from a block of K.
     pub fn relieve(&self, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
         for column in &self.columns[..Self::COUNT] {
             for i in 0..D {
@@ -137,7 +137,7 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         }
     }
 
-    /// R⁻¹ f of what drives the modes: entry [k][c] that along axis c by function k.
+    /// R⁻¹ f for the force f on the modes: entry [k][c] along axis c for function k.
     pub fn driven(&self, f: &[[f64; D]; D]) -> [f64; MOST] {
         let mut y = [0.0; MOST];
         for (p, &f) in f.as_flattened().iter().enumerate() {
@@ -147,7 +147,7 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         y
     }
 
-    /// What a force that drives the modes, as [`Self::driven`] gives it, is at node a.
+    /// The nodal force at a of a force on the modes from [`Self::driven`].
     pub fn handed_on(&self, driven: &[f64; MOST], a: usize) -> [f64; D] {
         let mut force = [0.0; D];
         for (column, y) in self.columns.iter().zip(driven) {
@@ -156,7 +156,7 @@ impl<const D: usize, const N: usize> Modes<D, N> {
         force
     }
 
-    /// How large the modes are where the nodes move by u: entry [k][c] that along axis c by function k.
+    /// The amplitudes of the modes where the nodes move by u: entry [k][c] along axis c for function k.
     pub fn amplitudes(&self, driven: &[f64; MOST], u: &[[f64; D]; N]) -> [[f64; D]; D] {
         let mut y = *driven;
         for (y, column) in y.iter_mut().zip(&self.columns) {

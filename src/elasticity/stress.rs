@@ -23,7 +23,7 @@ pub struct Stress {
 }
 
 impl Stress {
-    /// Takes a pressure away that acts along all axes; in plane stress, in the plane alone.
+    /// Subtracts a pressure that acts along all axes; in plane stress, only in the plane.
     fn relieve(&mut self, pressure: f64, in_plane_alone: bool) {
         self.xx -= pressure;
         self.yy -= pressure;
@@ -72,7 +72,7 @@ where
     stresses_at(body, displacement, None)
 }
 
-/// As [`stresses`], of bodies that are warmer than when they were free of stress.
+/// Like [`stresses`], for bodies that are warmer than in their stress-free state.
 pub fn stresses_at<const D: usize>(
     body: &Body<D>,
     displacement: &[[f64; D]],

@@ -54,7 +54,7 @@ where
     }
 }
 
-/// A patch of both kinds of elements around a node that lies nowhere in particular.
+/// A patch of both kinds of elements around a node at an arbitrary position.
 fn patch() -> Mesh {
     let nodes = vec![[0.0, 0.0], [2.0, 0.1], [2.2, 1.9], [-0.1, 2.0], [0.8, 1.1]];
     let elements = vec![
@@ -87,7 +87,7 @@ fn shape_functions_are_those_of_linear_fields() {
 }
 
 #[test]
-fn a_quadrilateral_extrapolates_what_is_bilinear() {
+fn a_quadrilateral_extrapolates_bilinear_fields() {
     struct Corners;
     impl Visit<2> for Corners {
         type Output = ();
@@ -204,7 +204,7 @@ fn supports_move_to_the_load() {
     let all: Vec<[f64; 2]> = mesh.nodes.iter().map(|&x| strained(x)).collect();
     forces[1] = internal_forces(&body, &unknowns, &all)[1];
     let (k, f) = assemble(&body, &unknowns, &forces);
-    // The prescribed unknown of node 1 has an equation of its own.
+    // The prescribed unknown of node 1 has its own equation.
     let u = [0.0, all[1][1], all[4][0], all[4][1]];
     let mut force = [0.0; 4];
     k.mul(&u, &mut force);

@@ -1,4 +1,4 @@
-//! Supports, and the numbering of what they leave free.
+//! Supports, and the numbering of the free unknowns.
 
 use super::Bedding;
 use crate::mesh::vector::dot;
@@ -6,15 +6,14 @@ use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Which displacement components are prescribed, and the numbering of the rest.
+/// The prescribed displacement components, and the numbering of the others.
 ///
-/// A node with at least one free component is a *block* of D unknowns; components prescribed at such
-/// a node keep a decoupled equation (u = 0) so that every block is D × D. Nodes prescribed in all
-/// components are not in the system.
+/// A node with at least one free component is a *block* of D unknowns; components prescribed at such a node keep a
+/// decoupled equation (u = 0) so that every block is D × D. Nodes prescribed in all components are not in the system.
 ///
-/// Components are those along the axes or, at nodes with directions of their own ([`Unknowns::along`]), along these.
-/// The unknowns of such nodes are along the axes all the same, so that rigid motions are what they are elsewhere: what
-/// is prescribed along n is projected out of K and f, P = I − n nᵀ, and has the decoupled equation k n·u = 0.
+/// Components are those along the axes or, at nodes with their own directions ([`Unknowns::along`]), along these. The
+/// unknowns of such nodes are still along the axes, so that rigid-body motions have the same form everywhere: a
+/// prescribed component along n is projected out of K and f, P = I − n nᵀ, and has the decoupled equation k n·u = 0.
 #[derive(Clone, Debug)]
 pub struct Unknowns<const D: usize = 2> {
     prescribed: Vec<[Option<f64>; D]>,
@@ -52,7 +51,7 @@ impl<const D: usize> Unknowns<D> {
         }
     }
 
-    /// Says along which orthonormal directions, one a row, the components of some nodes are prescribed.
+    /// Sets the orthonormal directions, one a row, along which the components of some nodes are prescribed.
     pub fn along(mut self, frames: BTreeMap<u32, [[f64; D]; D]>) -> Self {
         self.frames = frames;
         self
@@ -78,7 +77,7 @@ impl<const D: usize> Unknowns<D> {
         self.frames.get(&node)
     }
 
-    /// What supports leave free of a vector at a node.
+    /// The part of a vector at a node that supports leave free.
     pub fn free_part(&self, node: u32, v: [f64; D]) -> [f64; D] {
         let held = self.prescribed[node as usize];
         let mut left = v;
@@ -96,12 +95,12 @@ impl<const D: usize> Unknowns<D> {
         left
     }
 
-    /// Whether a node has directions of its own.
+    /// Whether a node has its own directions.
     pub(super) fn is_turned(&self, node: u32) -> bool {
         !self.frames.is_empty() && self.frames.contains_key(&node)
     }
 
-    /// Displacement of a node with directions of its own from that of its block, if it has one.
+    /// The displacement of a node with its own directions from that of its block, if it has one.
     fn turned_displacement(&self, node: u32, frame: &[[f64; D]; D], u: [f64; D]) -> [f64; D] {
         let mut sum = self.free_part(node, u);
         for (way, value) in frame.iter().zip(self.prescribed[node as usize]) {
@@ -131,7 +130,7 @@ impl<const D: usize> Unknowns<D> {
         self.node_of_block[block]
     }
 
-    /// The prescribed values of the components of a node: along the axes, or along the directions of its own.
+    /// The prescribed values of the components of a node: along the axes, or along its own directions.
     pub fn prescribed(&self, node: u32) -> [Option<f64>; D] {
         self.prescribed[node as usize]
     }
@@ -160,7 +159,7 @@ impl<const D: usize> Unknowns<D> {
         all
     }
 
-    /// The same where what is prescribed is what is left of it when all nodes have moved already.
+    /// The same with the remaining part of prescribed displacements, after all nodes have moved by `moved`.
     pub(crate) fn left_of(&self, moved: &[[f64; D]]) -> Self {
         let mut left = self.clone();
         for (node, (all, u)) in (0..).zip(left.prescribed.iter_mut().zip(moved)) {

@@ -1,4 +1,4 @@
-//! The corners of elements of second order by themselves.
+//! The corners of second-order elements.
 
 use super::{Body, Deformed, Unknowns, assemble};
 use crate::mesh::{Element, ElementKind, Mesh, Topology};
@@ -6,8 +6,8 @@ use crate::problem::Vertices;
 use crate::sparse::BlockCsr;
 use std::sync::Arc;
 
-/// How the nodes of elements of second order follow their corners, and the unknowns of these; None where all elements are of first
-/// order.
+/// The dependence of the nodes of second-order elements on their corners, and the unknowns of the corners; None if all elements
+/// are of first order.
 fn corners_of<const D: usize>(
     mesh: &Mesh<D>,
     unknowns: &Unknowns<D>,
@@ -17,7 +17,7 @@ where
 {
     let second = |element: &&Element<D>| element.kind().order() == 2;
     mesh.elements.iter().find(second)?;
-    // The corners that a node lies in the middle of; it may be a middle in many elements, and is the same in all.
+    // The corners on either side of a midside node; it may be in the middle of many elements, and is the same in all.
     let mut of_node: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
     for element in mesh.elements.iter().filter(second) {
         let (kind, nodes) = (element.kind(), element.nodes());
@@ -47,7 +47,7 @@ where
     for row in 0..unknowns.n_blocks() {
         let node = unknowns.node(row);
         let of = &of_node[node as usize];
-        // A corner is itself, with whatever is held of it.
+        // A corner follows itself, including its held components.
         let own = corners.block(node).filter(|_| of.is_empty());
         let mut entries: Vec<(u32, [[f64; D]; D])> =
             own.map(|column| (column, identity)).into_iter().collect();
@@ -56,7 +56,7 @@ where
                 continue;
             };
             let weight = 1.0 / of.len() as f64;
-            // What is free of the corner, and of that what is free of the node.
+            // The free part of the corner, and of that the free part of the node.
             let mut block = [[0.0; D]; D];
             for j in 0..D {
                 let free = unknowns.free_part(node, corners.free_part(corner, identity[j]));
@@ -81,9 +81,9 @@ where
     Some((prolongation, corners))
 }
 
-/// How the nodes of elements of second order follow their corners, with the stiffness matrix of the elements of first order on
-/// these; None where all elements are of first order. Where the dilatation of a material is projected that matrix is left to
-/// be made from K: elements of first order would project it otherwise.
+/// The dependence of the nodes of second-order elements on their corners, with the stiffness matrix of first-order elements on
+/// these; None if all elements are of first order. Where the dilatation of a material is projected, the matrix is made from K
+/// instead, because elements of first order would project it differently.
 pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Option<Vertices<D>>
 where
     ElementKind: Topology<D>,

@@ -11,7 +11,7 @@ pub(super) type Entry = (u32, u32, f64);
 /// Bytes that one task parses.
 pub(super) const PIECE: usize = 1 << 18;
 
-/// What the lines before the entries say.
+/// The contents of the lines before the entries.
 pub(super) struct Header<'a> {
     coordinate: bool,
     pub symmetric: bool,
@@ -19,12 +19,12 @@ pub(super) struct Header<'a> {
     pub cols: usize,
     /// Entries in the file.
     count: u64,
-    /// The line with the sizes, counted from 1, and what comes after it.
+    /// The line with the sizes, counted from 1, and the text after it.
     line: usize,
     body: &'a [u8],
 }
 
-/// The number of a line and what is wrong there.
+/// The number of a line and its fault.
 pub(super) type Fault = (usize, String);
 
 /// The header and the entries of a file; of a symmetric one those of the lower triangle. `piece` bytes are parsed by
@@ -60,7 +60,7 @@ pub(super) fn parse(text: &[u8], piece: usize) -> Result<(Header<'_>, Vec<Vec<En
     Ok((header, vec![entries]))
 }
 
-/// Whether the entries are given with their places, and whether one triangle stands for both.
+/// Whether the entries are given with their indices, and whether one triangle represents both.
 fn parse_banner(banner: &str) -> Result<(bool, bool), String> {
     let banner = banner.to_lowercase();
     let banner: Vec<&str> = banner.split_whitespace().collect();
@@ -166,7 +166,7 @@ fn parse_header(text: &[u8]) -> Result<Header<'_>, Fault> {
     })
 }
 
-/// The first line of a text, and what follows.
+/// The first line of a text, and the rest.
 fn split_line(text: &[u8]) -> (Cow<'_, str>, &[u8]) {
     let mut lines = text.splitn(2, |&byte| byte == b'\n');
     let line = lines.next().unwrap_or_default();
@@ -174,10 +174,10 @@ fn split_line(text: &[u8]) -> (Cow<'_, str>, &[u8]) {
     (readable(line), rest)
 }
 
-/// What a row of a matrix takes at least in the problem made of it, several matrices and vectors together.
+/// The least memory per row of a matrix in the resulting problem, several matrices and vectors together.
 const BYTES_PER_ROW: u64 = 64;
 
-/// What one task has found: up to the first line that it cannot read, which has a number within the task.
+/// The result of one task: up to the first unreadable line, numbered within the task.
 struct Piece<T> {
     start: usize,
     found: Vec<T>,
@@ -185,10 +185,10 @@ struct Piece<T> {
 }
 
 impl Header<'_> {
-    /// What `parse` finds in the lines of the body, a piece of it per task, in the order of the file.
+    /// The results of `parse` on the lines of the body, a piece per task, in the order of the file.
     ///
-    /// Not `count` of them is an error: `ended` says so of how many there are, `more` is about the line where, going
-    /// by `found` in each line, the first one too many stands.
+    /// A number other than `count` is an error: `ended` reports the number found, and `more` the line of the first
+    /// surplus entry, which `found` locates.
     fn gather<T: Send>(
         &self,
         piece: usize,
@@ -200,7 +200,7 @@ impl Header<'_> {
         let pieces: Vec<Piece<T>> = (line_pieces(self.body, piece).into_par_iter())
             .map(|range| parse_lines(self.body, range, &parse))
             .collect();
-        // Lines are counted where there is something to say about one.
+        // Lines are counted only for a message.
         let lines = || {
             (self.line + 1..)
                 .zip(self.body.split(|&byte| byte == b'\n'))
@@ -289,7 +289,7 @@ fn parse_lines<T>(
 
 /// The text, whose comments may be in any encoding.
 fn readable(text: &[u8]) -> Cow<'_, str> {
-    // Much faster than to look for what has to be replaced.
+    // Much faster than a search for invalid bytes.
     std::str::from_utf8(text).map_or_else(|_| String::from_utf8_lossy(text), Cow::Borrowed)
 }
 
@@ -409,7 +409,7 @@ mod tests {
         let array = |rest: &str| {
             format!("%%MatrixMarket matrix array real general\n2 3\n1 2\n3\n% 4\n{rest}")
         };
-        // The five entries end at line 17, of which the last two hold none.
+        // The five entries end at line 17; the last two of them are empty.
         let cases = [
             (
                 coordinate(7, "1 1 1\n2 1 x\n3 y z\n"),
@@ -436,7 +436,7 @@ mod tests {
                 19,
                 "more than the 5 announced",
             ),
-            // What is one too many is not looked at.
+            // A surplus entry is not parsed.
             (coordinate(5, "\nx"), 19, "more than the 5 announced"),
             (coordinate(3, "\nx"), 12, "more than the 3 announced"),
             (coordinate(0, ""), 3, "more than the 0 announced"),

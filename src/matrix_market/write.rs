@@ -2,8 +2,8 @@
 
 use std::io::{Result, Write};
 
-/// Writes the entries (row, column, value), counted from 0, of a matrix in coordinate form; of a symmetric one those below the
-/// diagonal and on it. They are gone through twice: their number stands first.
+/// Writes the entries (row, column, value), counted from 0, of a matrix in coordinate form; for a symmetric one those below
+/// the diagonal and on it. It iterates over them twice, because their number comes first.
 ///
 /// # Errors
 /// The error of the writer.

@@ -1,8 +1,8 @@
 //! Abaqus input files: nodes, elements, sets and surfaces, as Abaqus/CAE and meshers write them.
 //!
-//! Element sets become groups of regions, element-based surfaces boundaries, and so do node sets: of the outer facets
-//! that have all of their corners in the set. Parts stand where their instances put them. Files that `INPUT=` names, of
-//! `*INCLUDE` and of data that are read, are looked for beside the first one. Materials, loads and steps are not read.
+//! Element sets become groups of regions; element-based surfaces become boundaries, and so do node sets, with the outer
+//! facets that have all of their corners in the set. Parts are placed as their instances say. Files named by `INPUT=`,
+//! of `*INCLUDE` and of supported data, are looked for beside the first one. Materials, loads and steps are not read.
 
 mod flatten;
 #[cfg(feature = "case")]
@@ -16,10 +16,10 @@ use super::file::raw::Raw;
 use super::file::{self, Failure, FileError, Result};
 use std::path::Path;
 
-/// What stands in a file.
+/// The contents of a file.
 ///
 /// # Errors
-/// If it cannot be read, or has something that no mesh here has: with its line.
+/// If it cannot be read, or has something that meshes here do not support: with its line.
 pub(super) fn raw(path: &Path) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
     let text = text::Text::new(path, &String::from_utf8_lossy(&bytes), false)?;
@@ -37,11 +37,11 @@ fn parse(text: &str) -> Result<Raw> {
     checked(flatten::flatten(&assembly)?)
 }
 
-/// What a file holds, if it is a mesh.
+/// The contents of a file, if it is a mesh.
 fn checked(raw: Raw) -> Result<Raw> {
     if raw.solids.is_empty() && raw.faces.is_empty() {
         return Err(Failure::NoMesh(format!(
-            "there are no elements of a body in it: write {}",
+            "it contains no elements of a body: write {}",
             types::KNOWN
         )));
     }

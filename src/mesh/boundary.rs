@@ -1,4 +1,4 @@
-//! Boundaries: which way their facets look, and which lie on the outside of the body.
+//! Boundaries: the direction of their facets, and which of them are on the outside of the body.
 
 use super::element::{facet_corners, facet_nodes, unsided};
 use super::{BoundaryError, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology};
@@ -8,14 +8,14 @@ impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// Directs the facets of boundaries, notes those that are no outer ones, and drops those of no element.
+    /// Orients the facets of boundaries, notes those that are not outer ones, and drops those of no element.
     pub(super) fn direct_boundaries(&mut self) {
         let mut on_boundary = vec![false; self.nodes.len()];
         for &node in self.boundaries.values().flatten().flat_map(facet_corners) {
             on_boundary[node as usize] = true;
         }
-        // How many elements have a facet, and how it looks from outside the first of them; an outer one has one owner.
-        // Facets are known by their corners: a file may leave out the nodes between these.
+        // The number of elements with each facet, and its orientation seen from outside the first of them; an outer
+        // facet has one owner. Corners identify facets, because a file may leave out the nodes between them.
         let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
         if !self.boundaries.is_empty() {
             for facet in self.elements.iter().flat_map(Element::facets) {
@@ -26,7 +26,8 @@ where
         }
         for (name, facets) in &mut self.boundaries {
             facets.retain_mut(|facet| {
-                // What has no side must not stand twice if a file has it from both: it is named from one of its elements.
+                // A facet without an outside must not be listed twice if a file has it from both sides: one of its
+                // elements gives its orientation.
                 let corners = facet_corners(facet);
                 let ends = [corners[0], corners[corners.len() / 2]];
                 let ends = ends.map(|node| self.nodes[node as usize]);
@@ -53,17 +54,17 @@ where
         }
     }
 
-    /// The facets of a boundary, all on the outside of the body: for what acts on it from there.
+    /// The facets of a boundary, all on the outside of the body: for loads and contact.
     pub fn outer_facets(&self, name: &str) -> Result<&[Facet<D>], BoundaryError> {
         self.facets_with(name, None)
     }
 
-    /// The facets of a boundary that may lie inside the body: for what is done to its nodes.
+    /// The facets of a boundary, perhaps inside the body: for conditions on its nodes.
     pub fn facets(&self, name: &str) -> Result<&[Facet<D>], BoundaryError> {
         self.facets_with(name, Some(FaultKind::Inside))
     }
 
-    /// The outer facets of which all corners, or any, are among some nodes.
+    /// The outer facets with all corners, or any corner, among some nodes.
     pub fn outer_facets_at(&self, nodes: &[u32], all: bool) -> Vec<Facet<D>> {
         let mut is_one = vec![false; self.nodes.len()];
         nodes.iter().for_each(|&node| is_one[node as usize] = true);

@@ -1,4 +1,4 @@
-//! Elements where others lie: copies, which count once, and those that overlap.
+//! Coinciding elements: copies, which count once, and overlapping ones.
 
 use super::element::facet_corners;
 use super::file::raw::MOST_NODES;
@@ -24,7 +24,7 @@ impl Copies {
         self.count += 1;
     }
 
-    /// What is said of them, if there are any.
+    /// The note on them, if there are any.
     pub fn note<const D: usize>(&self, nodes: &[[f64; D]]) -> Option<String> {
         let (copies, are) = match self.count {
             0 => return None,
@@ -38,8 +38,8 @@ impl Copies {
     }
 }
 
-/// Lets every element stand once. `union` says of an element and a copy of it which region both are in. Nodes are numbered below
-/// `n_nodes`.
+/// Keeps one element of each set of copies. `union` gives the region that is in both of an element and a copy of it. Nodes are
+/// numbered below `n_nodes`.
 pub(super) fn merge<const D: usize, E>(
     elements: &mut Vec<Element<D>>,
     n_nodes: usize,
@@ -100,7 +100,7 @@ impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// Lets every element stand once, in the regions of all of its copies, and notes that.
+    /// Keeps one element of each set of copies, in the regions of all of them, and notes that.
     pub(super) fn merge_copies(&mut self) {
         let mut copies = Copies::default();
         let mut unions: HashMap<[u32; 2], u32> = HashMap::new();
@@ -119,7 +119,7 @@ where
         }
     }
 
-    /// The region that is in all groups of two.
+    /// The region that belongs to all groups of two regions.
     fn union(&mut self, [a, b]: [u32; 2]) -> u32 {
         let covers = |one: u32, other: u32| {
             (self.groups.values()).all(|of| !of.contains(&other) || of.contains(&one))
@@ -145,7 +145,7 @@ where
         union
     }
 
-    /// Leaves out regions whose elements are all in a union.
+    /// Drops regions whose elements are all in a union.
     fn drop_empty_regions(&mut self) {
         let mut number = vec![u32::MAX; self.regions.len()];
         for element in &self.elements {
@@ -166,8 +166,8 @@ where
             .retain(|_| regions.next().is_some_and(|region| of(region) != u32::MAX));
     }
 
-    /// Checks that no two elements lie on the same side of a facet that both have, whatever their kinds and orders. A
-    /// quadrilateral is also known by the triangles of its corners, where there are facets with three.
+    /// Checks that no two elements are on the same side of a common facet, whatever their kinds and orders. A
+    /// quadrilateral is also identified by the triangles of its corners, where there are facets with three.
     pub(super) fn check_overlaps(&self) -> Result<(), MeshError> {
         let corners = |wanted: usize| {
             let mut facets =

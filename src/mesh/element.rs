@@ -4,7 +4,7 @@ use super::shape::{FacetPoint, Visit};
 use std::fmt::Debug;
 use std::hash::Hash;
 
-/// The kinds of elements. Their nodes stand in VTK's order: the corners, then a node in the middle of each edge, then those in
+/// The kinds of elements. Their nodes are in VTK's order: the corners, then a node in the middle of each edge, then those in
 /// the middle of faces and of the element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum ElementKind {
@@ -58,7 +58,7 @@ impl ElementKind {
         Self::Pyramid,
     ];
 
-    /// How many nodes it has.
+    /// The number of its nodes.
     pub const fn n_nodes(self) -> usize {
         match self {
             Self::Triangle => 3,
@@ -75,7 +75,7 @@ impl ElementKind {
         }
     }
 
-    /// What it is called in short: its shape and its nodes.
+    /// Its short name: its shape and the number of its nodes.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Triangle => "tri3",
@@ -119,7 +119,7 @@ impl ElementKind {
         }
     }
 
-    /// How many corners it has, which are the first of its nodes.
+    /// The number of its corners, which are the first of its nodes.
     pub const fn n_corners(self) -> usize {
         self.linear().n_nodes()
     }
@@ -138,8 +138,8 @@ impl ElementKind {
         matches!(self, Self::Quad | Self::Hexahedron)
     }
 
-    /// The places of the corners that each of the nodes behind the corners lies in the middle of: two for an edge, three or
-    /// four for a face, all for the element.
+    /// The corners around each of the nodes after the corners: two for an edge, three or four for a face, all for the
+    /// element.
     pub fn middles(self) -> &'static [&'static [usize]] {
         let all: &'static [&'static [usize]] = match self.linear() {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
@@ -205,7 +205,7 @@ impl ElementKind {
     }
 
     /// Its facets, by the places of their nodes among its own, corners first, then midsides, the first between the first two
-    /// corners, then the middle: in the plane edges with the element on their left, in space faces that go round
+    /// corners, then the middle: in the plane edges with the element on their left, in space faces with corners
     /// counter-clockwise as seen from outside.
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
@@ -275,7 +275,7 @@ impl ElementKind {
         }
     }
 
-    /// Where the corners go when an element is named the other way round.
+    /// The order of the corners after a reversal.
     const fn turned_corners(self) -> &'static [usize] {
         match self.linear() {
             Self::Triangle => &[2, 1, 0],
@@ -288,7 +288,7 @@ impl ElementKind {
         }
     }
 
-    /// Numbers the nodes of an element the other way round.
+    /// Reverses the orientation of an element's nodes.
     pub fn turn(self, nodes: &mut [u32]) {
         let corners = self.turned_corners();
         let before = nodes.to_vec();
@@ -309,23 +309,23 @@ impl ElementKind {
     }
 }
 
-/// What meshes of D dimensions consist of: room for the node numbers, and the geometry that is another one in the
-/// plane and in space.
+/// The parts of meshes in D dimensions: room for the node numbers, and the geometry that differs between the plane and
+/// space.
 pub trait Topology<const D: usize> {
     /// The nodes of an element, with zeros behind them where its kind has fewer.
     type Nodes: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Default + PartialEq + Send + Sync;
-    /// The nodes of a facet of an element, of which boundaries consist; the last of them again where there is room
-    /// for more.
+    /// The nodes of a facet of an element, the part of a boundary; the last of them is repeated where there is room for
+    /// more.
     type Facet: AsRef<[u32]> + AsMut<[u32]> + Copy + Debug + Default + Hash + Ord + Send + Sync;
 
     /// Turns a kind into its type: the only place that does.
     ///
     /// # Panics
-    /// If it is a kind of another dimension, of which no [`Element`] can be.
+    /// If the kind belongs to another dimension, which no [`Element`] can have.
     fn with<V: Visit<D>>(self, visit: V) -> V::Output;
 
-    /// Hands `take` the points that integrate over a facet with its nodes at x a product of a shape function and a
-    /// load that is quadratic in the place.
+    /// Passes `take` the points of a facet with nodes at x that integrate the product of a shape function and a load
+    /// quadratic in the coordinates.
     fn facet_points(x: &[[f64; D]], take: impl FnMut(&FacetPoint<D>));
 
     /// The outward unit normal of a facet with its nodes at x, at each of these.
@@ -336,7 +336,7 @@ pub trait Topology<const D: usize> {
 }
 
 /// The nodes of a facet in D dimensions, corners first, then the middles ([`facet_nodes`]): `[u32; 3]` in the plane, the ends
-/// of an edge and its middle; `[u32; 9]` in space, those of a face. Where there are fewer nodes, the last stands again.
+/// of an edge and its middle; `[u32; 9]` in space, those of a face. If there are fewer nodes, the last is repeated.
 pub type Facet<const D: usize = 2> = <ElementKind as Topology<D>>::Facet;
 
 /// The nodes of a facet, each once.
@@ -426,7 +426,7 @@ pub(crate) fn face_parts(n_nodes: usize) -> &'static [&'static [usize]] {
 /// The facet with these nodes.
 ///
 /// # Panics
-/// If there are none, or too many for the dimension.
+/// If the list is empty, or too long for the dimension.
 pub fn facet<const D: usize>(nodes: &[u32]) -> Facet<D>
 where
     ElementKind: Topology<D>,
@@ -491,7 +491,7 @@ where
         Self::new(kind, &self.nodes()[..kind.n_nodes()], self.region)
     }
 
-    /// What it is.
+    /// Its kind.
     pub fn kind(&self) -> ElementKind {
         self.kind
     }
@@ -510,7 +510,7 @@ where
         kind.turn(self.nodes_mut());
     }
 
-    /// Its facets, named from outside: edges with the element on their left, faces that go round counter-clockwise.
+    /// Its facets, seen from outside: edges with the element on their left, faces counter-clockwise.
     pub fn facets(&self) -> impl Iterator<Item = Facet<D>> {
         let nodes = self.nodes();
         self.kind.facets().iter().map(move |places| {

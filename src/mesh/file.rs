@@ -1,4 +1,4 @@
-//! What mesh files of any program have in common, and what is wrong with one.
+//! The common part of mesh files of any program, and their errors.
 
 pub(super) mod build;
 pub(super) mod raw;
@@ -7,7 +7,7 @@ use super::MeshError;
 use crate::input;
 use std::path::{Path, PathBuf};
 
-/// Why a mesh file could not be read.
+/// The reason why a mesh file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file could not be opened or read.
@@ -15,46 +15,46 @@ pub enum FileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// What stands at a place of the file is not what should.
+    /// An entry of the file is invalid.
     #[error("{}, {place}: {message}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
         /// The line, or in a binary file the byte.
         place: String,
-        /// What is wrong, and what to do.
+        /// The fault and the remedy.
         message: String,
     },
-    /// The file is of another kind, or as a whole not what it should be.
+    /// The file is of another kind, or invalid as a whole.
     #[error("{}: this is {what}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What it is, and what to do.
+        /// Its kind and the remedy.
         what: String,
     },
-    /// The file is in order, but no mesh comes of it.
+    /// The file is valid, but gives no mesh.
     #[error("{}: {message}", path.display())]
     NoMesh {
         /// The file.
         path: PathBuf,
-        /// What is missing, and what to do.
+        /// The missing part and the remedy.
         message: String,
     },
-    /// The mesh of the file is none.
+    /// The mesh of the file is invalid.
     #[error("{}: {source}", path.display())]
     Mesh {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the mesh.
+        /// The fault of the mesh.
         source: MeshError,
     },
 }
 
-/// What a reader complains of.
+/// An error of a reader.
 #[derive(Debug)]
 pub(super) enum Failure {
     Line { number: usize, message: String },
@@ -66,7 +66,7 @@ pub(super) enum Failure {
 pub(super) type Result<T> = std::result::Result<T, Failure>;
 
 impl Failure {
-    /// That a line, counted from 1, is not what it should be.
+    /// The error about a line, counted from 1.
     pub fn line(number: usize, message: impl Into<String>) -> Self {
         Self::Line {
             number,
@@ -74,7 +74,7 @@ impl Failure {
         }
     }
 
-    /// The same with the file that it is about.
+    /// The same with its file.
     pub fn of(self, path: &Path) -> FileError {
         let path = path.to_owned();
         match self {

@@ -1,13 +1,13 @@
-//! Where a point lies in a facet or an element: the shape functions there.
+//! The position of a point in a facet or an element: the shape functions there.
 
 use super::shape::{FaceAt, ShapeFunctions, Visit, edge_at, face_kind, sum, tangents};
 use super::vector::{dot, length, minus};
 use super::{ElementKind, Topology, facet_corners};
 
-/// The shape functions of a piece at the point of it that is nearest to a given one; zeros behind them.
+/// The shape functions of a piece at its point nearest to a given one, followed by zeros.
 pub(crate) struct Foot {
     pub shape: [f64; 27],
-    /// How far the given point is from there, and how far that lies outside of the piece, with lengths as in space.
+    /// The distance of the given point from there, and how far outside the piece it is, both as lengths in space.
     pub miss: f64,
 }
 
@@ -15,7 +15,7 @@ pub(crate) struct Foot {
 struct At<const D: usize> {
     shape: [f64; 27],
     place: [f64; D],
-    /// As many as the reference element has coordinates, zeros behind them.
+    /// As many as the reference element has coordinates, followed by zeros.
     tangents: [[f64; D]; 3],
     /// The least shape function of the corners alone: below 0 outside.
     inside: f64,
@@ -56,7 +56,7 @@ fn foot<const R: usize, const D: usize>(
     }
 }
 
-/// The solution of a positive definite system whose right-hand side stands in column R.
+/// The solution of a positive definite system with its right-hand side in column R.
 fn solved<const R: usize>(mut rows: [[f64; 4]; R]) -> [f64; R] {
     for k in 0..R {
         for i in k + 1..R {
@@ -108,7 +108,7 @@ fn extent<const D: usize>(nodes: &[[f64; D]]) -> f64 {
     length(minus(high, low))
 }
 
-/// Where x lies in an element with these nodes.
+/// The position of x in an element with these nodes.
 pub(crate) fn in_element<const D: usize>(kind: ElementKind, nodes: &[[f64; D]], x: [f64; D]) -> Foot
 where
     ElementKind: Topology<D>,
@@ -128,7 +128,7 @@ where
     foot(at, kind.with(Middle), x, extent(nodes))
 }
 
-/// Where the point of a facet with these nodes lies that is nearest to x. `facet` says how many of them are corners.
+/// The position of the point nearest to x in a facet with these nodes. `facet` gives the number of corners.
 pub(crate) fn on_facet<const D: usize>(
     facet: &impl AsRef<[u32]>,
     nodes: &[[f64; D]],
@@ -217,7 +217,7 @@ mod tests {
         for (found, expected) in foot.shape.iter().zip(shape) {
             assert!((found - expected).abs() < 1e-12, "{kind:?}");
         }
-        // Far outside it is told.
+        // A point far outside is reported.
         assert!(in_element(kind, &nodes, [9.0; D]).miss > 1.0);
     }
 

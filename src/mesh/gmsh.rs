@@ -27,7 +27,7 @@ pub fn read(path: &Path, scale: f64) -> std::result::Result<AnyMesh, FileError> 
     build(raw(path)?, scale).map_err(|failure| failure.of(path))
 }
 
-/// What stands in a file.
+/// The contents of a file.
 pub(super) fn raw(path: &Path) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
     if let Some(what) = foreign::foreign(path, &bytes) {
@@ -55,7 +55,7 @@ fn parse(bytes: &[u8]) -> Result<Raw> {
             return reader.fail(format!("MSH version 1 is not supported: {SAVE_AS}"));
         }
         if version.is_none() && section != "MeshFormat" && section != "Comments" {
-            return reader.fail("this is no Gmsh MSH file: it does not begin with $MeshFormat");
+            return reader.fail("this is not a Gmsh MSH file: it does not begin with $MeshFormat");
         }
         match (section, version) {
             ("MeshFormat", _) => version = Some(reader.format()?),
@@ -86,7 +86,7 @@ fn parse(bytes: &[u8]) -> Result<Raw> {
         );
     }
     if raw.has_names_alone() {
-        // That is what MSH 2 makes of them with Mesh.SaveAll = 1.
+        // MSH 2 writes them so with Mesh.SaveAll = 1.
         return reader.fail(
             "the file names physical groups, but no element is in one: save it with Mesh.SaveAll = 0, or as MSH 4.1",
         );
@@ -157,7 +157,7 @@ fn in_gmshs_order(kind: ElementKind, nodes: &[u32]) -> Vec<u32> {
     listed
 }
 
-/// Where the nodes of an element of second order stand in Gmsh's list of them, where that is not our order, which is VTK's.
+/// The order of the nodes of a second-order element in Gmsh, if it differs from ours, which is VTK's.
 pub(super) fn order(kind: ElementKind) -> Option<&'static [usize]> {
     match kind {
         ElementKind::Tetrahedron10 => Some(&[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]),

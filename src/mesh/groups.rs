@@ -1,6 +1,6 @@
 //! Things that belong together.
 
-/// A division of 0, 1, …, n − 1 into groups, at first each alone.
+/// A partition of 0, 1, …, n − 1 into groups, at first single members.
 pub(crate) struct Groups(Vec<u32>);
 
 impl Groups {
@@ -8,7 +8,7 @@ impl Groups {
         Self((0..n as u32).collect())
     }
 
-    /// One of the group of i, the same for all of them.
+    /// A representative of the group of i, the same for all members.
     pub fn of(&mut self, mut i: u32) -> u32 {
         while self.0[i as usize] != i {
             self.0[i as usize] = self.0[self.0[i as usize] as usize];
@@ -23,7 +23,7 @@ impl Groups {
         self.0[b as usize] = a;
     }
 
-    /// How many groups there are, and the number of that of each, counted in the order of their first members.
+    /// The number of groups, and each member's group, counted in the order of their first members.
     pub fn numbers(mut self) -> (usize, Vec<u32>) {
         let (mut number_of, mut count) = (vec![u32::MAX; self.0.len()], 0);
         let numbers = (0..self.0.len() as u32)

@@ -8,7 +8,7 @@ use super::{
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// The corners that a node lies in the middle of, lowest first; those of an edge with u32::MAX behind them.
+/// The corners around a node, lowest first; those of an edge followed by u32::MAX.
 type Between = [u32; 4];
 
 fn between(corners: impl Iterator<Item = u32>) -> Between {
@@ -24,15 +24,15 @@ impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// The mesh with elements of second order, as exact as they can be: those of first order get nodes in the middle of
+    /// The mesh with elements of second order, as accurate as possible: those of first order get nodes in the middle of
     /// their straight edges, of their quadrilaterals and of themselves (6-node triangles, 9-node quadrilaterals, 10-node
-    /// tetrahedra, 27-node hexahedra, 18-node wedges). These nodes follow those that there are, and neighbours share them.
-    /// Elements of second order stay what they are. A new node between nodes of a set is one of the set.
+    /// tetrahedra, 27-node hexahedra, 18-node wedges). These nodes follow the existing ones, and neighbours share them.
+    /// Elements of second order stay as they are. A new node between nodes of a set joins the set.
     ///
-    /// To have curved sides, move the new nodes to where these are.
+    /// For curved sides, move the new nodes onto them.
     ///
     /// # Errors
-    /// If there is a pyramid, as none is known here of second order.
+    /// If there is a pyramid, because second-order pyramids are not supported.
     pub fn raised(mut self) -> Result<Self, MeshError> {
         let pyramid = |element: &Element<D>| element.kind().quadratic().is_none();
         if let Some(element) = self.elements.iter().position(pyramid) {
@@ -50,8 +50,8 @@ where
         Ok(self)
     }
 
-    /// The mesh with elements of first order at the corners of its elements: nodes in the middle of sides are left out. What
-    /// is curved becomes straight between corners.
+    /// The mesh with elements of first order at the corners of its elements: nodes in the middle of sides are left out.
+    /// Curved sides become straight between corners.
     ///
     /// # Errors
     /// If an element has no area (volume) without them.
@@ -61,7 +61,7 @@ where
             let before = *element;
             orient(element, &self.nodes, number)?;
             if *element != before {
-                // It was turned around: without its midsides it is inside out.
+                // It was reversed: without its midside nodes it is inside out.
                 return Err(MeshError::Degenerate {
                     element: number,
                     place: self.nodes[before.nodes()[0] as usize].into(),
@@ -75,8 +75,8 @@ where
         Ok(self)
     }
 
-    /// Makes the chosen elements those of second order with all nodes that there are, with nodes where the map of the
-    /// element as it is has the middles. A new node between nodes of a set is one of the set.
+    /// Raises the chosen elements to second order with all possible nodes, placed where the map of the present element
+    /// has the middles. A new node between nodes of a set joins the set.
     fn add_middles(&mut self, chosen: &[bool]) {
         let before = self.nodes.len() as u32;
         let mut known: HashMap<Between, u32> = HashMap::new();
@@ -132,8 +132,8 @@ where
         }
     }
 
-    /// Checks that neighbours share the nodes in the middle of their edges, and gives serendipity elements those in the
-    /// middle of faces where the body has neighbours of them with such nodes: else displacements were not continuous.
+    /// Checks that neighbours share their midside nodes, and gives serendipity elements mid-face nodes where their
+    /// neighbours have them: otherwise displacements would not be continuous.
     pub(super) fn match_neighbours(&mut self) -> Result<(), MeshError> {
         let second_order = |element: &Element<D>| element.kind().order() == 2;
         if !self.elements.iter().any(second_order) {
@@ -186,7 +186,7 @@ where
         Ok(())
     }
 
-    /// That two neighbours have not the same node in the middle of what they share.
+    /// The error that two neighbours have different nodes in the middle of a common edge or face.
     fn apart(&self, both: &Differing) -> MeshError {
         let elements = both.elements;
         let corners = both.between.iter().filter(|&&corner| corner != u32::MAX);
@@ -208,7 +208,7 @@ where
     }
 }
 
-/// Whether a node in the middle of some of the corners of an element may be one of its neighbours', too.
+/// Whether a node between some of the corners of an element may also belong to its neighbours.
 fn is_shared(of: &[usize], corners: &[u32]) -> bool {
     of.len() < corners.len()
 }

@@ -1,4 +1,4 @@
-//! Which reader a mesh file goes to.
+//! The choice of the reader of a mesh file.
 
 use super::file::FileError;
 use super::file::build::build;
@@ -8,7 +8,7 @@ use super::vtu;
 use super::{AnyMesh, abaqus, gmsh};
 use std::path::Path;
 
-/// Whether a file is called like those of VTK, whose regions a cell array tells.
+/// Whether a file has the ending of a VTK file, whose regions come from a cell array.
 pub fn has_cell_arrays(path: &Path) -> bool {
     extension(path) == "vtu"
 }
@@ -18,9 +18,9 @@ fn extension(path: &Path) -> String {
     extension.to_string_lossy().to_lowercase()
 }
 
-/// Reads a mesh, of the dimension that its elements have: an Abaqus input file (`.inp`), an unstructured grid of VTK
-/// (`.vtu`), or else one of Gmsh. Coordinates are multiplied by `scale`; `groups` names the cell array of a grid that
-/// tells its regions and boundaries.
+/// Reads a mesh, in the dimension of its elements: an Abaqus input file (`.inp`), an unstructured grid of VTK (`.vtu`),
+/// or else one of Gmsh. Coordinates are multiplied by `scale`; `groups` names the cell array of a grid that defines its
+/// regions and boundaries.
 ///
 /// # Errors
 /// If the file cannot be read: with the line at fault, as far as it has lines.
@@ -28,8 +28,8 @@ pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, Fi
     build(raw(path, groups)?, scale).map_err(|failure| failure.of(path))
 }
 
-/// As [`read`], with elements of first order at the corners of those in the file: nodes in the middle of sides are left out,
-/// wherever they lie.
+/// As [`read`], with elements of first order at the corners of those in the file: midside nodes are left out, wherever they
+/// are.
 ///
 /// # Errors
 /// As [`read`].
@@ -39,7 +39,7 @@ pub fn read_linear(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyM
     build(raw, scale).map_err(|failure| failure.of(path))
 }
 
-/// What stands in a file.
+/// The contents of a file.
 fn raw(path: &Path, groups: Option<&str>) -> Result<Raw, FileError> {
     match extension(path).as_str() {
         "inp" => abaqus::raw(path),

@@ -1,8 +1,8 @@
 //! Shape functions of elements: a file for each shape, with its kinds of both orders.
 //!
-//! A kind says where its nodes lie in the reference element, what its shape functions are there, and which points
-//! integrate with them. Everything that is done with elements is written once over [`ShapeFunctions`] and reaches the type
-//! of a kind through [`super::Topology::with`].
+//! A kind defines the positions of its nodes in the reference element, its shape functions, and its integration points.
+//! All operations on elements are written once over [`ShapeFunctions`] and reaches the type of a kind through
+//! [`super::Topology::with`].
 
 mod hexahedron;
 mod line;
@@ -29,14 +29,14 @@ use super::vector::{cross, dot};
 
 /// A type of element with N nodes in D dimensions, whose stiffness is integrated with Q points.
 pub trait ShapeFunctions<const D: usize, const N: usize, const Q: usize> {
-    /// Where the nodes lie in the reference element.
+    /// The positions of the nodes in the reference element.
     const NODES: [[f64; D]; N];
 
     /// The middle of the reference element.
     const CENTRE: [f64; D];
 
-    /// Over how many functions the dilatation of a nearly incompressible element is projected: 0, not at all; 1, its mean;
-    /// 1 + D, what is linear in the place.
+    /// The number of functions for the projected dilatation of a nearly incompressible element: 0, no projection; 1, its
+    /// mean; 1 + D, linear functions.
     const DILATATION_MODES: usize;
 
     /// The shape functions at a point of the reference element, and their derivatives by its coordinates.
@@ -51,10 +51,11 @@ pub trait ShapeFunctions<const D: usize, const N: usize, const Q: usize> {
     /// The points where stresses are most accurate.
     fn stress_points() -> impl Iterator<Item = [f64; D]>;
 
-    /// Stress recovery: how much the stress at `at` takes from that at one of the stress points.
+    /// Stress recovery: the weight of the stress at one of the stress points in the stress at `at`.
     fn extrapolation(at: [f64; D], point: usize) -> f64;
 
-    /// What is known of the element at a point of the reference element; `x` are its nodes, `weight` that of the point.
+    /// The data of the element at a point of the reference element; `x` are its nodes, `weight` the weight of the
+    /// point.
     #[inline]
     fn at(xi: [f64; D], weight: f64, x: &[[f64; D]; N]) -> Point<D, N> {
         let (shape, local) = Self::shapes(xi);
@@ -102,13 +103,13 @@ impl<const D: usize, const N: usize> Point<D, N> {
         }
     }
 
-    /// Where the point lies.
+    /// The position of the point.
     pub fn place(&self, x: &[[f64; D]; N]) -> [f64; D] {
         sum(&self.shape, x)
     }
 
-    /// What div u has of the motion of node a along each axis: its gradient, and what goes round where u_x stretches it by
-    /// `hoop`.
+    /// The part of div u due to the motion of node a along each axis: its gradient, and the hoop strain where u_x causes
+    /// one by `hoop`.
     #[inline]
     pub fn divergence(&self, a: usize, hoop: f64) -> [f64; D] {
         let mut part = self.gradient[a];
@@ -171,7 +172,7 @@ pub(super) fn determinant<const D: usize, const N: usize>(
 
 /// Something to do with an element of whichever type.
 pub trait Visit<const D: usize> {
-    /// What comes of it.
+    /// The result.
     type Output;
 
     /// Does it, with an element of the type E.
@@ -216,7 +217,7 @@ fn quadratic(node: f64, xi: f64) -> [f64; 2] {
 /// An integration point of a facet.
 #[derive(Clone, Copy, Debug)]
 pub struct FacetPoint<const D: usize> {
-    /// Where it lies.
+    /// Its position.
     pub place: [f64; D],
     /// The outward unit normal there.
     pub normal: [f64; D],
@@ -241,7 +242,7 @@ pub(crate) fn face_kind(n_nodes: usize) -> ElementKind {
     }
 }
 
-/// What a facet is at a point of its reference element: its shape functions, and the tangents there.
+/// The data of a facet at a point of its reference element: its shape functions, and the tangents there.
 pub(crate) struct FacetShape<const R: usize, const D: usize> {
     pub shape: [f64; 9],
     pub place: [f64; D],

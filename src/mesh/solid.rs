@@ -7,7 +7,7 @@ use super::shape::{
 use super::vector::{cross, length, minus, unit};
 use super::{ElementKind, Topology};
 
-/// Space: facets are faces; one with fewer than nine nodes names the last of them again.
+/// Space: facets are faces; one with fewer than nine nodes repeats the last of them.
 impl Topology<3> for ElementKind {
     type Nodes = [u32; 27];
     type Facet = [u32; 9];
@@ -66,7 +66,7 @@ impl Topology<3> for ElementKind {
     }
 }
 
-/// Hands over the integration points of a face, with the normal and the area of its curved surface at each.
+/// Passes the integration points of a face, with the normal and the area of its curved surface at each.
 struct FacePoints<'a, F> {
     x: &'a [[f64; 3]],
     take: F,

@@ -3,7 +3,7 @@
 use super::{Element, ElementKind, Facet, Mesh, Topology, facet};
 use std::collections::BTreeMap;
 
-/// Which elements fill a structured rectangle.
+/// The elements of a structured rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, Default)]
 #[serde(rename_all = "lowercase")]
 pub enum CellShape {
@@ -84,7 +84,7 @@ pub fn rectangle(
     }
 }
 
-/// Which elements fill a structured block.
+/// The elements of a structured block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, Default)]
 #[serde(rename_all = "lowercase")]
 pub enum SolidShape {
@@ -97,7 +97,7 @@ pub enum SolidShape {
     Wedge,
 }
 
-/// The corners of a cell, as the nodes of a hexahedron stand: steps along x, y and z.
+/// The corners of a cell, in the order of the nodes of a hexahedron: steps along x, y and z.
 const CELL: [[usize; 3]; 8] = [
     [0, 0, 0],
     [1, 0, 0],

@@ -195,7 +195,7 @@ fn of_group<'a>(mesh: &'a Mesh, name: &str) -> Vec<&'a str> {
 
 #[test]
 fn copies_of_elements_count_once() {
-    // The left triangle stands in "all" and, named otherwise, twice in "sensor"; the right one in "all" alone.
+    // The left triangle is in "all" and, under another name, twice in "sensor"; the right one is only in "all".
     let elements = vec![
         Element::triangle([0, 1, 3], 0),
         Element::triangle([1, 2, 3], 0),
@@ -215,7 +215,7 @@ fn copies_of_elements_count_once() {
     assert_eq!(of_group(&made, "sensor"), ["all & sensor"]);
     let of: Vec<u32> = made.elements.iter().map(|element| element.region).collect();
     assert_eq!(of, [1, 0]);
-    // What bounds one element is on the outside, though three have it.
+    // A facet of one element is on the outside, though it is listed three times.
     assert!(made.faults.is_empty());
     assert_eq!(made.boundaries["side"].len(), 2);
     let [note] = &made.notes[..] else {

@@ -24,7 +24,7 @@ pub(crate) fn length<const D: usize>(v: [f64; D]) -> f64 {
     v[1..].iter().fold(v[0], |sum, &next| sum.hypot(next))
 }
 
-/// v over its length; not finite where that is zero.
+/// v divided by its length; not finite if that is zero.
 pub(crate) fn unit<const D: usize>(v: [f64; D]) -> [f64; D] {
     let length = length(v);
     v.map(|c| c / length)

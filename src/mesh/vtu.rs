@@ -1,8 +1,8 @@
-//! Unstructured grids of VTK (`.vtu`): points, cells, and the cell array that tells regions and boundaries.
+//! Unstructured grids of VTK (`.vtu`): points, cells, and the cell array that defines regions and boundaries.
 //!
 //! XML with ASCII, base64 or raw data, inline or appended, plain or compressed by zlib (VTK File Formats, docs.vtk.org).
-//! Cells of the highest dimension are the bodies, those of one less their boundaries; both are called after the value
-//! that the array has in them.
+//! Cells of the highest dimension are the bodies, those one dimension lower their boundaries; the value of the array in
+//! them is their name.
 
 mod data;
 mod xml;
@@ -13,7 +13,7 @@ use super::file::{self, Failure, FileError, Result};
 use data::{File, Values};
 use std::path::Path;
 
-/// Cell arrays that programs tell regions by, where a case names none: the first that a file has.
+/// Cell arrays that programs use for regions, for cases that name none: the first one in the file counts.
 const ARRAYS: [&str; 10] = [
     "region",
     "gmsh:physical",
@@ -27,11 +27,11 @@ const ARRAYS: [&str; 10] = [
     "GroupIds",
 ];
 
-/// What stands in a file. `groups` names the cell array that tells regions and boundaries; else it is the first of those
-/// that programs call so.
+/// The contents of a file. `groups` names the cell array that defines regions and boundaries; without it, the first of
+/// the usual names counts.
 ///
 /// # Errors
-/// If it cannot be read, or has something that no mesh here has: with its line.
+/// If it cannot be read, or has something that meshes here do not support: with its line.
 pub(super) fn raw(path: &Path, groups: Option<&str>) -> std::result::Result<Raw, FileError> {
     let bytes = file::bytes(path)?;
     parse(&bytes, groups).map_err(|failure| failure.of(path))
@@ -42,7 +42,7 @@ fn parse(bytes: &[u8], groups: Option<&str>) -> Result<Raw> {
     let mut raw = Raw::default();
     let coordinates = file.needed("Points", None)?.floats()?;
     if coordinates.len() % 3 != 0 {
-        return no_mesh("the points of a grid have three coordinates each");
+        return no_mesh("the points of a grid need three coordinates each");
     }
     for x in coordinates.as_chunks::<3>().0 {
         if !x.iter().all(|v| v.is_finite()) {
@@ -57,7 +57,7 @@ fn parse(bytes: &[u8], groups: Option<&str>) -> Result<Raw> {
     let offsets = file.needed("Cells", Some("offsets"))?.integers()?;
     let connectivity = file.needed("Cells", Some("connectivity"))?.integers()?;
     if types.len() != offsets.len() {
-        return no_mesh("types and offsets are not of the same length");
+        return no_mesh("types and offsets differ in length");
     }
     let groups = Groups::find(&file, groups, types.len())?;
     let mut begin = 0;
@@ -113,7 +113,7 @@ fn no_mesh<T>(message: impl Into<String>) -> Result<T> {
     Err(Failure::NoMesh(message.into()))
 }
 
-/// The cell of a type of VTK, and where its nodes stand in the file, if not as they do here.
+/// The cell of a type of VTK, and the order of its nodes in the file, if it differs from ours.
 fn cell(kind: i64, number: usize) -> Result<(Cell, Option<&'static [usize]>)> {
     let plain = |kind: ElementKind| Ok((Cell::Element(kind), None));
     match kind {
@@ -145,8 +145,8 @@ fn cell(kind: i64, number: usize) -> Result<(Cell, Option<&'static [usize]>)> {
              cells, or use tetrahedra alone, or hexahedra and wedges"
         )),
         30..=36 | 60..=81 => no_mesh(format!(
-            "cell {number} (type {kind}) is none of the linear and quadratic cells that are supported: save the mesh with \
-             those of type 5, 9, 10, 12, 13, 14, 22 to 26, 28, 29 or 32"
+            "cell {number} (type {kind}) is not one of the supported linear and quadratic cells: save the mesh with \
+             types 5, 9, 10, 12, 13, 14, 22 to 26, 28, 29 or 32"
         )),
         _ => no_mesh(format!(
             "cell {number} is of type {kind}, which is not supported: use triangles and quadrilaterals, in space \
@@ -155,7 +155,7 @@ fn cell(kind: i64, number: usize) -> Result<(Cell, Option<&'static [usize]>)> {
     }
 }
 
-/// The values of the cell array that tells regions.
+/// The values of the cell array that defines regions.
 struct Groups(Option<Vec<i64>>);
 
 impl Groups {
@@ -186,7 +186,7 @@ impl Groups {
             }
             Values::Floats(_) => {
                 return no_mesh(format!(
-                    "cell array \"{name}\" has numbers that are no integers: it cannot tell regions"
+                    "cell array \"{name}\" has values that are not integers: it cannot define regions"
                 ));
             }
         };
@@ -202,7 +202,7 @@ impl Groups {
     /// The group of a cell as a number above 0.
     fn tag(&self, cell: usize) -> Option<i64> {
         let value = self.0.as_ref()?[cell];
-        // Tags are without a sign, and 0 is none.
+        // Tags are unsigned, and 0 means none.
         Some(if value >= 0 {
             value + 1
         } else {
@@ -210,7 +210,7 @@ impl Groups {
         })
     }
 
-    /// What each group is called: its value.
+    /// The name of each group: its value.
     fn names(&self) -> Vec<(u64, String)> {
         let mut names: Vec<(u64, String)> = (0..self.0.as_ref().map_or(0, Vec::len))
             .filter_map(|cell| Some((self.tag(cell)?.unsigned_abs(), cell)))
@@ -233,7 +233,7 @@ mod tests {
     use crate::mesh::AnyMesh;
     use crate::mesh::file::build::build;
 
-    /// A grid of one tetrahedron and one of its sides, with the region array given; values in ASCII.
+    /// A grid of one tetrahedron and one of its faces, with the given region array; values in ASCII.
     fn grid(kind: &str, nodes: &str, ends: &str, array: &str) -> String {
         format!(
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\">\n\
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_mesh_is_told() {
+    fn files_without_a_mesh_are_reported() {
         let told = |text: String, groups: Option<&str>| {
             let failure = parse(text.as_bytes(), groups).err();
             let failure = failure.unwrap_or_else(|| panic!("accepted:\n{text}"));
@@ -283,7 +283,7 @@ mod tests {
             (
                 grid("71 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
                 None,
-                "a.vtu: cell 0 (type 71) is none of the linear and quadratic cells",
+                "a.vtu: cell 0 (type 71) is not one of the supported linear and quadratic cells",
             ),
             (
                 grid("27 5", "0 1 2 3 2 1 0", "4 7", ARRAY),
@@ -303,7 +303,7 @@ mod tests {
             (
                 grid("10 5", "0 1 2 3 2 1 x", "4 7", ARRAY),
                 None,
-                "a.vtu, line 7: \"x\" is no number",
+                "a.vtu, line 7: \"x\" is not a number",
             ),
             (
                 sound(),
@@ -318,7 +318,7 @@ mod tests {
             (
                 sound().replace("ascii\">7", "binary\">7"),
                 None,
-                "line 10: the data is no base64",
+                "line 10: the data is not base64",
             ),
             (
                 sound().replace("UnstructuredGrid\" byte", "PolyData\" byte"),
@@ -333,7 +333,7 @@ mod tests {
                 None,
                 "vtkLZ4DataCompressor is not supported: save it with zlib or uncompressed",
             ),
-            (String::new(), None, "no VTK file in XML"),
+            (String::new(), None, "not an XML VTK file"),
         ] {
             let message = told(text, groups);
             assert!(message.contains(expected), "{expected}\n{message}");

@@ -1,4 +1,4 @@
-//! What is solved: a contact problem and, where a model has made it, the bodies that it is about.
+//! The subject of a solve: a contact problem and, if a model made it, its bodies.
 
 use super::elastic::Elastic;
 use super::error::ModelError;
@@ -64,8 +64,8 @@ impl<const D: usize> Analysis<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// Which body one of [`System::floating_bodies`](crate::problem::System::floating_bodies) is: its region and a point of it, as far
-    /// as that is known.
+    /// The name of one of [`System::floating_bodies`](crate::problem::System::floating_bodies): its region and a point of it, as
+    /// far as known.
     pub fn body_name(&self, body: usize) -> String {
         let floating = &self.problem.floating_bodies().bodies()[body];
         let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
@@ -74,7 +74,8 @@ where
         named_by(mesh, unknowns.node(floating.nodes()[0] as usize))
     }
 
-    /// The bodies that no support holds, how they could move as a whole, and what holds them, in words.
+    /// The bodies that no support holds, their possible rigid-body motions, and the contacts or ties that hold them, in
+    /// words.
     pub fn floating_bodies(&self) -> Vec<String> {
         let bodies = self.problem.floating_bodies().bodies().iter().enumerate();
         let compliance = self.problem.contact_compliance();
@@ -142,7 +143,7 @@ pub(super) fn held_by(kinds: [bool; 3]) -> String {
     }
 }
 
-/// What the body is called that a node belongs to.
+/// The name of the body of a node.
 pub(super) fn named_by<const D: usize>(mesh: &Mesh<D>, node: u32) -> String
 where
     ElementKind: Topology<D>,

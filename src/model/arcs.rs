@@ -1,5 +1,5 @@
-//! Sides of a contact that are drawn as arcs about one axis (or as parts of balls about one point): between their facets the gap
-//! goes up and down by what the facets lack to the arcs, which is not what was meant.
+//! Sides of a contact that are drawn as arcs about one axis (or as parts of balls about one point). Between their facets the gap
+//! varies by the deviation of the facets from the arcs, which is an artefact of the mesh.
 
 use crate::dense::{least_squares, symmetric_eigen};
 use crate::mesh::vector::{dot, length, minus};
@@ -9,7 +9,8 @@ use std::collections::{BTreeSet, HashMap};
 
 /// Gaps that scatter by no more than this part of that between the arcs are even enough.
 pub(super) const EVEN: f64 = 0.1;
-/// Normals that have less than this of a direction, as a part of their squares, stand on it: what lies around that is a cylinder.
+/// Normals with less than this part of their square along a direction are perpendicular to it: the surface around it is a
+/// cylinder.
 const ACROSS: f64 = 1e-6;
 /// Nodes are this near to an arc, as a part of how much the gap scatters.
 const ON_ARC: f64 = 0.05;
@@ -53,7 +54,7 @@ where
 }
 
 /// The gap between two sides of which one at least has facets of first order, and that are drawn as arcs about one axis (or
-/// as parts of balls): below 0 where the arcs overlap. Edges sharper than `steepest`, in degrees, are meant, and no arcs.
+/// as parts of balls): below 0 where the arcs overlap. Edges sharper than `steepest`, in degrees, are real edges, not arcs.
 pub(super) fn gap_of_arcs<const D: usize>(
     mesh: &Mesh<D>,
     sides: [&[Facet<D>]; 2],
@@ -67,7 +68,7 @@ where
     if !sides.iter().any(|facets| facets.iter().any(is_flat)) || !turns.iter().flatten().all(bent) {
         return None;
     }
-    // Each of them bends.
+    // Each side is curved.
     for side in sides {
         directions_across(mesh, [side, &[]])?;
     }
@@ -79,7 +80,7 @@ where
         (ON_ARC * least).max(WRITTEN * radii[0])
     };
     let Arcs { radii, centre } = concentric(&corners(mesh, sides), &across, near)?;
-    // Which side looks away from the axis.
+    // The side that faces away from the axis.
     let outward: f64 = (sides[0].iter())
         .map(|facet| {
             let (area, normal) = mesh.facet_normal(facet);
@@ -95,8 +96,8 @@ fn is_flat<F: AsRef<[u32]>>(facet: &F) -> bool {
     facet_nodes(facet).len() == facet_corners(facet).len()
 }
 
-/// How far facets of first order lie off the smooth surface that they seem to stand for. Edges sharper than `steepest`, in degrees,
-/// are meant.
+/// The deviation of facets of first order from the smooth surface that they appear to approximate. Edges sharper than `steepest`,
+/// in degrees, are real edges.
 pub(super) fn sagitta<const D: usize>(mesh: &Mesh<D>, sides: [&[Facet<D>]; 2], steepest: f64) -> f64
 where
     ElementKind: Topology<D>,
@@ -109,12 +110,12 @@ where
     bent.map(sagitta_of).fold(0.0, f64::max)
 }
 
-/// Facets of length h that turn by θ from one to the next lie h θ/8 off an arc.
+/// Facets of length h that turn by θ from one to the next are h θ/8 off an arc.
 fn sagitta_of(&(length, turn): &(f64, f64)) -> f64 {
     length * turn / 8.0
 }
 
-/// How far apart the middles of neighbouring facets of first order are, and by which angle they turn.
+/// The distance of the middles of neighbouring facets of first order, and the angle between them.
 fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<(f64, f64)>
 where
     ElementKind: Topology<D>,
@@ -152,7 +153,7 @@ struct Arcs<const D: usize> {
     centre: [f64; D],
 }
 
-/// The directions that arcs lie in: all of them, or those across the axis of a cylinder.
+/// The directions of the plane of an arc: all of them, or those perpendicular to the axis of a cylinder.
 fn directions_across<const D: usize>(
     mesh: &Mesh<D>,
     sides: [&[Facet<D>]; 2],
@@ -175,7 +176,7 @@ where
     let some: Vec<[f64; D]> = some
         .map(|k| std::array::from_fn(|c| vectors[(c, k)]))
         .collect();
-    // What is flat has one direction, and is no arc.
+    // A flat side has one direction, and is not an arc.
     (some.len() > 1).then_some(some)
 }
 
@@ -233,7 +234,7 @@ fn concentric<const D: usize>(
         .iter()
         .zip(radii)
         .flat_map(|(all, radius)| all.iter().map(move |d| (d - radius).abs()));
-    // NaN is no arc, either.
+    // NaN is not an arc, either.
     if !off.all(|off| off <= near(radii)) {
         return None;
     }
@@ -334,7 +335,7 @@ mod tests {
         let mut mesh = join(part(0.5, 6, "in"), part(1.02, 9, "out"));
         for x in &mut mesh.nodes {
             let (sin, cos) = (PI * x[1]).sin_cos();
-            // About an axis that is not one of the coordinates.
+            // About an axis that is not one of the coordinate axes.
             let [a, b, c] = [x[0] * cos, x[0] * sin, x[2]];
             *x = [0.8 * a - 0.6 * c, b, 0.6 * a + 0.8 * c];
         }
@@ -348,7 +349,7 @@ mod tests {
             let gap = gap_of_arcs(&mesh, sides.map(Vec::as_slice), 50.0).expect("cylinders");
             assert!((gap - 0.02).abs() < 1e-9, "{gap}");
         }
-        // Six edges of a quarter, one radius long, lie r (1 − cos(π/24)) off it.
+        // Six edges of a quarter circle of radius r are r (1 − cos(π/24)) off it.
         let off = sagitta(&mesh, [&inner, &[]], 50.0);
         let exact = 1.0 - (PI / 24.0).cos();
         assert!((off / exact - 1.0).abs() < 0.03, "{off} and {exact}");

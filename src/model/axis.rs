@@ -5,10 +5,10 @@ use crate::mesh::vector::{cross, dot, length, minus, unit};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What the directions about an axis are called, in the order of a right-handed system.
+/// The names of the directions about an axis, in the order of a right-handed system.
 pub(super) const AROUND: [&str; 3] = ["radial", "hoop", "axial"];
 
-/// An axis in space; in the plane a point, through which the axis stands upright.
+/// An axis in space; in the plane a point, where the axis is perpendicular to the plane.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
@@ -26,7 +26,7 @@ pub struct Axis<const D: usize = 2> {
 }
 
 impl Axis {
-    /// That of a point of the plane.
+    /// The axis of a point of the plane.
     pub fn at(point: [f64; 2]) -> Self {
         Self::through(point, None)
     }
@@ -53,7 +53,7 @@ impl<const D: usize> Axis<D> {
         self.direction.unwrap_or([0.0, 0.0, 1.0])
     }
 
-    /// What cannot be meant.
+    /// Its inconsistency.
     pub(crate) fn fault(&self) -> Option<&'static str> {
         if D == 3 && self.direction.is_none() {
             return Some(
@@ -66,7 +66,7 @@ impl<const D: usize> Axis<D> {
         (!is_axis).then_some("an axis needs a finite point and a direction that is not zero")
     }
 
-    /// The way from the axis to a point, across it.
+    /// The vector from the axis to a point, perpendicular to the axis.
     pub(super) fn arm(&self, x: [f64; D]) -> [f64; 3] {
         let (way, along) = (spatial(minus(x, self.point)), unit(self.direction()));
         let part = dot(way, along);
@@ -85,7 +85,8 @@ impl<const D: usize> Axis<D> {
         std::array::from_fn(|c| x[c] + (cos - 1.0) * arm[c] + sin * turn[c])
     }
 
-    /// How a turn about the axis moves a point: across the axis and the arm, as long as the arm.
+    /// The motion of a point under a rotation about the axis: perpendicular to the axis and the arm, as long as the
+    /// arm.
     pub(super) fn turn(&self, x: [f64; D]) -> [f64; D] {
         flat(cross(unit(self.direction()), self.arm(x)))
     }
@@ -101,7 +102,7 @@ impl<const D: usize> Axis<D> {
         Some([outwards, cross(along, outwards), along].map(flat))
     }
 
-    /// Such unit vectors where the first is any across the axis.
+    /// Such unit vectors, where the first is any vector perpendicular to the axis.
     pub(super) fn any_directions(&self) -> [[f64; D]; 3] {
         let along = unit(self.direction());
         let least = |a: &usize, b: &usize| along[*a].abs().total_cmp(&along[*b].abs());
@@ -127,7 +128,7 @@ fn spatial<const D: usize>(v: [f64; D]) -> [f64; 3] {
     std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0))
 }
 
-/// What of a vector lies in D dimensions.
+/// The components of a vector in D dimensions.
 fn flat<const D: usize>(v: [f64; 3]) -> [f64; D] {
     std::array::from_fn(|c| v[c])
 }

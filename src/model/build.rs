@@ -13,7 +13,7 @@ use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
 use std::time::Instant;
 
-/// A model that is ready to be solved: the contact problem, and the bodies that it is about.
+/// A model ready to be solved: the contact problem, and its bodies.
 #[derive(Debug)]
 pub struct Built<const D: usize = 2>
 where
@@ -21,7 +21,7 @@ where
 {
     /// The problem with the load of the first step.
     pub problem: ContactProblem<D>,
-    /// What it is about.
+    /// Its bodies.
     pub elastic: Elastic<D>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> From<&'a AnyBuilt> for AnyAnalysis<'a> {
     }
 }
 
-/// A model that is checked, with all of its contact problem but K.
+/// A checked model, with all of its contact problem except K.
 #[cfg(feature = "mpi")]
 #[derive(Debug)]
 pub struct Draft<const D: usize = 2>(pub(crate) Box<Elastic<D>>)
@@ -95,7 +95,7 @@ where
     /// Checks the model and assembles its contact problem.
     ///
     /// # Errors
-    /// If the model cannot be meant: the error names the part at fault.
+    /// If the model is inconsistent: the error names the part at fault.
     pub fn build(self) -> Result<Built<D>, ModelError> {
         let start = Instant::now();
         let (mut elastic, forces) = self.draft()?;
@@ -115,8 +115,7 @@ where
         if elastic.is_large()
             && let Some(text) = analysis.floating_bodies().first()
         {
-            let text =
-                format!("{text}; where displacements are large, supports have to hold each body");
+            let text = format!("{text}; with large displacements, supports have to hold each body");
             return Err(loose(&text));
         }
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
@@ -140,7 +139,7 @@ where
         Ok(Draft(Box::new(elastic)))
     }
 
-    /// All of it but K: the bodies and their contacts, checked, and the nodal forces of the first step.
+    /// Everything except K: the bodies and their contacts, checked, and the nodal forces of the first step.
     pub(crate) fn draft(self) -> Result<(Elastic<D>, Vec<[f64; D]>), ModelError> {
         let Self {
             mut mesh,
@@ -208,7 +207,7 @@ where
     }
 }
 
-/// That a body can move as a whole and has no contact to hold it.
+/// The error that a body can move as a whole and has no contact to hold it.
 pub(super) fn loose(text: &str) -> ModelError {
     Entity::all(EntityKind::Support)
         .error(format!("{text}: add a support, symmetry, or hold a point"))
@@ -229,8 +228,7 @@ where
     problem_of(stiffness, load, acting(forces), points, unknowns, contact)
 }
 
-/// The contact problem with this K and f, whose unknowns are at these places, and follow their corners like this where elements are of
-/// second order.
+/// The contact problem with this K and f, the positions of its unknowns, and the dependence of second-order nodes on their corners.
 pub(super) fn problem_of<const D: usize>(
     stiffness: BlockCsr<D>,
     load: Vec<f64>,
@@ -243,8 +241,8 @@ where
     ElementKind: Space<D>,
 {
     let failed = |error| Entity::all(EntityKind::Model).error(Fault::Problem(error));
-    // A prescribed motion may have closed a gap, and an interference is meant: what overlaps by mistake, the search for
-    // contact nodes has refused.
+    // A prescribed motion may close a gap, and an interference is intended; accidental overlaps were refused by the
+    // search for contact nodes.
     let data = ContactData {
         stiffness,
         load: load.clone(),

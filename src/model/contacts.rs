@@ -1,4 +1,4 @@
-//! The contacts of a model: their nodes, and what is said of them.
+//! The contacts of a model: their nodes and their properties.
 
 use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
 use super::entities::{Names, Part as _, Target};
@@ -22,7 +22,7 @@ pub struct PairData<const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
-    /// The name of its own that it has, if any.
+    /// Its own name, if any.
     pub name: Option<String>,
     /// The boundary that carries the multipliers; several in one text.
     pub boundary: String,
@@ -30,32 +30,32 @@ where
     pub facets: Vec<Facet<D>>,
     /// Those of the master boundary; none for an obstacle.
     pub others: Vec<Facet<D>>,
-    /// The master boundary, or what kind of obstacle.
+    /// The master boundary, or the kind of obstacle.
     pub against: String,
-    /// The obstacle, where there is no other boundary.
+    /// The obstacle, if the other side is not a boundary.
     pub obstacle: Option<Obstacle<D>>,
     /// The law and its bound or coefficient.
     pub friction: String,
-    /// Whether that is Tresca's.
+    /// Whether the law is Tresca's.
     pub tresca: bool,
     /// Whether it is a tie, nodes that move alike, or a spring.
     pub tied: bool,
     /// The stiffness of the contact itself, or of a spring; None where it is hard.
     pub stiffness: Option<String>,
-    /// How far apart candidates for contact may be; with an obstacle, up to where Tresca's bound acts.
+    /// The largest distance of candidates for contact; with an obstacle, the distance up to which Tresca's bound acts.
     pub search_distance: f64,
-    /// What of the master boundary lies opposite within the search distance, but is not met.
+    /// The part of the master boundary that is opposite within the search distance, but is not met.
     pub unmet: Option<Unmet<D>>,
     /// The gap between sides that are drawn as arcs about one axis, where that of their facets scatters by more than a tenth.
     pub arcs: Option<f64>,
-    /// How far facets of curved sides, no arcs about one axis, lie off what they seem to stand for, where what they overlap is
-    /// pressed apart and that is more than a tenth of it.
+    /// The deviation of facets from the curved surfaces (not arcs about one axis) that they approximate, if an overlap is
+    /// pressed apart and the deviation exceeds a tenth of it.
     pub sagitta: Option<f64>,
     /// Contact places.
     pub places: usize,
-    /// Those of them within the search distance.
+    /// Those within the search distance.
     pub within: usize,
-    /// Those of them that a law of friction is stated for, but that supports or another contact keep from sliding.
+    /// Those with a law of friction that supports or another contact keep from sliding.
     pub kept: usize,
     /// The area that may come into contact, in m².
     pub area: f64,
@@ -67,7 +67,7 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
-    /// What these sides are called, before anything is known of them.
+    /// The names of these sides, before anything else is known.
     pub(super) fn between(
         name: &Option<String>,
         boundary: String,
@@ -112,7 +112,7 @@ where
         self.is_of_nodes() && self.stiffness.is_some()
     }
 
-    /// What results call it: its name or, where it has none, both sides.
+    /// Its name in results: its own or, without one, both sides.
     pub fn title(&self) -> String {
         match &self.name {
             Some(name) => name.clone(),
@@ -121,7 +121,7 @@ where
         }
     }
 
-    /// What of the master boundary lies opposite and is not met, in words.
+    /// The part of the master boundary that is opposite but not met, in words.
     pub fn unmet_text(&self, units: &Units) -> Option<String> {
         let unmet = self.unmet.as_ref()?;
         let facets = match (D, unmet.facets) {
@@ -131,8 +131,8 @@ where
             (_, n) => format!("{n} faces"),
         };
         Some(format!(
-            "{facets} of \"{}\", the largest around {}, with an area of {:.3e}{} opposite within the search distance, \
-             meet nothing: something else is nearer, or the sides are folded there",
+            "{facets} of \"{}\", the largest around {}, have an area of {:.3e}{} opposite within the search distance \
+             but meet nothing: something else is nearer, or the sides are folded there",
             self.against,
             Location::from(unmet.place),
             unmet.area,
@@ -145,13 +145,13 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
-    /// That the gap had better be stated, in words.
+    /// A recommendation to state the gap, in words.
     pub fn arcs_text(&self, units: &Units) -> Option<String> {
         let gap = self.arcs?;
         let [apart, low, high] = [gap, self.gap[0], self.gap[1]].map(|gap| units.long(gap));
         Some(format!(
-            "both sides are drawn as arcs about one axis, {apart} apart, but between their facets the gap goes from \
-             {low} to {high}: state the gap (gap = {gap:.4e}), and nothing depends on how facets happen to meet"
+            "both sides are drawn as arcs about one axis, {apart} apart, but between their facets the gap varies from \
+             {low} to {high}: state the gap (gap = {gap:.4e}), so that the result does not depend on how facets meet"
         ))
     }
 }
@@ -160,13 +160,13 @@ impl<const D: usize> PairData<D>
 where
     ElementKind: Topology<D>,
 {
-    /// That facets may have lost a part of what is pressed apart, in words.
+    /// A warning, in words, that facets may lose a part of the overlap that is pressed apart.
     pub fn sagitta_text(&self, units: &Units) -> Option<String> {
         let (off, overlap) = (self.sagitta?, -self.gap[0]);
         (overlap > 0.0 && off > EVEN * overlap).then(|| {
             format!(
-                "its facets lie up to {} off the curved surfaces that they stand for, beside an overlap of {} that is pressed apart: \
-                 state the gap or the interference, or take a finer mesh or order = 2",
+                "its facets deviate by up to {} from the curved surfaces that they approximate, and the overlap to \
+                 press apart is {}: state the gap or the interference, or take a finer mesh or order = 2",
                 units.long(off),
                 units.long(overlap)
             )
@@ -180,13 +180,13 @@ where
     ElementKind: Topology<D>,
 {
     pub(super) places: Vec<ContactPlace<D>>,
-    /// Which pair each belongs to.
+    /// The pair of each place.
     pub(super) pair_of: Vec<u32>,
     pub(super) pairs: Vec<PairData<D>>,
 }
 
-/// How far apart the sides of a tie may be where nobody has said it, in facets of its first boundary: what curved sides and coarse
-/// meshes make of a common surface. (An arc of eight facets has a tenth of one between it and the circle.)
+/// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse meshes of a
+/// common surface. (An arc of eight facets has a tenth of one between it and the circle.)
 const TIE_DISTANCE: f64 = 0.25;
 
 /// The longest way between corners of a facet.
@@ -223,7 +223,7 @@ where
     })
 }
 
-/// The contact places of a pair, and what is known of it so far.
+/// The contact places of a pair, and its data so far.
 type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
 impl<const D: usize> Pair<D>
@@ -252,7 +252,7 @@ where
             Law::None | Law::Tied => 0.0,
             Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
         };
-        // Polygons lose what arcs overlap.
+        // Overlapping arcs lose that overlap as polygons.
         let mut off = None;
         let of_arcs = match self.meets() {
             Against::Boundary(names) if self.overlap.is_some() && !self.is_by_nodes() => {
@@ -379,7 +379,7 @@ where
             let nodes = target.nodes(mesh)?;
             if nodes.len() < 2 {
                 let text =
-                    format!("the set of nodes \"{name}\" has one node: it needs two at least");
+                    format!("the set of nodes \"{name}\" has one node: it needs at least two");
                 return Err(Fault::Stated(text));
             }
             sets.push(nodes);
@@ -463,7 +463,7 @@ where
         Ok(all)
     }
 
-    /// Completes what is said of the contacts with the places that are left of them.
+    /// Completes the data of the contacts with their remaining places.
     pub(super) fn count_places(
         &self,
         mesh: &Mesh<D>,
@@ -502,8 +502,8 @@ where
             });
             if shared {
                 return Err(self.pair_entity(pair).error(
-                    "where the same part of a boundary meets several rigid obstacles there can be no friction: split \
-                     the boundary so that each part meets one, or state none",
+                    "friction is impossible where the same part of a boundary meets several rigid obstacles: split \
+                     the boundary so that each part meets one, or state no friction",
                 ));
             }
         }
@@ -511,7 +511,7 @@ where
             None => Ok(()),
             Some(pair) => Err(self
                 .pair_entity(pair)
-                .error("supports hold every node of it, and of what it meets")),
+                .error("supports hold every node of it and of the other side")),
         }
     }
 
@@ -529,8 +529,8 @@ where
         }
     }
 
-    /// What can be said of all load steps before the first, whose prescribed displacements `first` has: supports that
-    /// contradict each other, or drive nodes without any freedom into what they meet.
+    /// Checks that apply to all load steps before the first, with the prescribed displacements `first`: supports that
+    /// contradict each other, or drive fixed nodes into the other side.
     pub(super) fn foresee(
         &self,
         mesh: &Mesh<D>,

@@ -1,4 +1,4 @@
-//! The bodies of a model that is ready to be solved.
+//! The bodies of a model ready to be solved.
 
 #[cfg(feature = "mpi")]
 use super::Quantity;
@@ -9,7 +9,7 @@ use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
 
-/// The elastic side of a problem: what the results are written on.
+/// The elastic side of a problem: the basis of its results.
 #[derive(Clone, Debug)]
 pub struct Elastic<const D: usize = 2>
 where
@@ -25,8 +25,8 @@ where
     pub thickness: f64,
     /// The numbering of the unknowns, with the prescribed displacements of the first step.
     pub unknowns: Unknowns<D>,
-    /// What supports prescribe: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
-    /// number of the support that does so first.
+    /// Prescribed components: node, component (along the directions that [`Unknowns::frame`] gives the node, if any),
+    /// number of the support that prescribes it first.
     pub held: Vec<(u32, usize, usize)>,
     /// The name, boundary or point of each support; after them those of foundations.
     pub supports: Vec<String>,
@@ -36,21 +36,21 @@ where
     pub contact: ContactRows<D>,
     /// The contacts of the model, in its order.
     pub pairs: Vec<PairData<D>>,
-    /// Which pair each row belongs to.
+    /// The pair of each row.
     pub pair_of: Vec<u32>,
-    /// What lengths and forces are called.
+    /// The names of lengths and forces.
     pub units: Units,
-    /// Whether the model says so itself.
+    /// Whether the model states them itself.
     pub units_stated: bool,
     /// Seconds for K, f and the contact rows.
     pub assembly_seconds: f64,
     /// The part of it for the search and the integrals of the contacts.
     pub pairing_seconds: f64,
-    /// What the load of each step follows from.
+    /// The source of the load of each step.
     pub(super) definition: Definition<D>,
     pub(super) prescriptions: Prescriptions<D>,
-    /// All places of contact at rest, each with its pair, where displacements are large: which of them have rows is a matter of
-    /// where the bodies are.
+    /// All places of contact at rest, each with its pair, for large displacements: the positions of the bodies determine which
+    /// of them have rows.
     pub(super) candidates: Vec<(ContactPlace<D>, u32)>,
 }
 
@@ -78,7 +78,7 @@ where
         self.definition.n_steps()
     }
 
-    /// What each temperature is at the factor 1.
+    /// The value of each temperature at the factor 1.
     #[cfg(feature = "mpi")]
     pub(crate) fn temperatures(&self) -> Vec<Quantity<D>> {
         let all = self.definition.temperatures.iter();

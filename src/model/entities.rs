@@ -1,4 +1,4 @@
-//! What a model consists of beside contacts (`pair.rs`): supports and loads, as they are stated.
+//! The parts of a model except contacts (`pair.rs`): supports and loads, as stated.
 
 use super::axis::{AROUND, Axis};
 use super::error::{Entity, EntityKind};
@@ -69,23 +69,23 @@ impl fmt::Display for Names {
     }
 }
 
-/// What the components of a vector are called.
+/// The names of the components of a vector.
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Whatever is stated of a model: a table of a case file.
 pub(crate) trait Part {
     fn facts(&self) -> Facts<'_>;
 
-    /// What cannot be meant, whatever the mesh.
+    /// Its inconsistency, whatever the mesh.
     fn fault(&self) -> Option<Flaw>;
 
-    /// What a description of the model says of it, behind a word for what it is; None where other lines say it.
+    /// Its part of a description of the model, after a word for its kind; None if other lines have it.
     #[cfg_attr(not(feature = "case"), allow(dead_code))]
     fn told(&self, _: &Units) -> Option<(&'static str, String)> {
         None
     }
 
-    /// What an error calls it: its number, its name, if it has one, and where it is.
+    /// Its name in errors: its number, its own name, if any, and its place.
     fn entity(&self, number: usize) -> Entity {
         let facts = self.facts();
         let place = match facts.name {
@@ -96,18 +96,18 @@ pub(crate) trait Part {
     }
 }
 
-/// What all parts have, or may have.
+/// Properties that all parts have, or may have.
 pub(crate) struct Facts<'p> {
     pub kind: EntityKind,
     /// The name that it was given.
     pub name: Option<&'p str>,
-    /// Where it is, in words; empty if that says nothing.
+    /// Its place, in words; empty without one.
     pub place: String,
-    /// What it states for each load step, by the keys: load factors of its own, mostly.
+    /// The lists with a number for each load step by their keys, such as its own load factors.
     pub factors: Vec<(&'static str, &'p [f64])>,
 }
 
-/// Of what may be stated for each load step what is.
+/// Those of the lists that are stated.
 pub(super) fn by_step<'p, const N: usize>(
     all: [(&'static str, &'p Option<Vec<f64>>); N],
 ) -> Vec<(&'static str, &'p [f64])> {
@@ -117,11 +117,11 @@ pub(super) fn by_step<'p, const N: usize>(
         .collect()
 }
 
-/// What parts that results speak of have in common: a name.
+/// The common method of parts that results mention: a name.
 macro_rules! with_a_name {
     ($part:ident) => {
         impl<const D: usize> $part<D> {
-            /// A name of its own, which messages, tables and pictures call it by.
+            /// Its own name, used in messages, tables and pictures.
             pub fn named(mut self, name: impl Into<String>) -> Self {
                 self.name = Some(name.into());
                 self
@@ -139,7 +139,7 @@ with_a_name!(Equal);
 with_a_name!(Foundation);
 pub(super) use with_a_name;
 
-/// What supports, tractions, forces and body forces have in common: a quantity along each axis, and load factors.
+/// The common methods of supports, tractions, forces and body forces: a quantity along each axis, and load factors.
 macro_rules! along_axes {
     ($part:ident, $what:literal, $unit:literal) => {
         impl<const D: usize> $part<D> {
@@ -153,19 +153,19 @@ macro_rules! along_axes {
                 self.along(1, value)
             }
 
-            /// Load factors of its own, one per step.
+            /// Its own load factors, one per step.
             pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
                 self.factors = Some(factors.into());
                 self
             }
 
-            /// The same along any axis, which has to be one of D.
+            /// The same along any axis, one of D.
             pub(crate) fn along(mut self, axis: usize, value: impl Into<Quantity<D>>) -> Self {
                 *self.components_mut()[axis] = Some(value.into());
                 self
             }
 
-            /// What it says along each axis.
+            /// Its components along the axes.
             pub(super) fn components(&self) -> [Option<&Quantity<D>>; D] {
                 let all = [&self.x, &self.y, &self.z];
                 std::array::from_fn(|axis| all[axis].as_ref())
@@ -186,11 +186,11 @@ macro_rules! along_axes {
     };
 }
 
-/// What supports and tractions have in common beside: a quantity along each direction about an axis.
+/// Further common methods of supports and tractions: a quantity along each direction about an axis.
 macro_rules! about_an_axis {
     ($part:ident, $what:literal, $unit:literal) => {
         impl<const D: usize> $part<D> {
-            /// Says which axis `radial`, `hoop` and `axial` are about.
+            /// Sets the axis of `radial`, `hoop` and `axial`.
             pub fn about(mut self, axis: Axis<D>) -> Self {
                 self.axis = Some(axis);
                 self
@@ -212,7 +212,7 @@ macro_rules! about_an_axis {
                 self
             }
 
-            /// What it says away from the axis, around it and along it.
+            /// Its components away from the axis, around it and along it.
             pub(super) fn ways(&self) -> [Option<&Quantity<D>>; 3] {
                 [&self.radial, &self.hoop, &self.axial].map(Option::as_ref)
             }
@@ -235,21 +235,21 @@ macro_rules! about_an_axis {
 about_an_axis!(Support, "displacement", "m");
 about_an_axis!(Traction, "force per area", "Pa");
 
-/// What is wrong with what is said about an axis.
+/// The fault of the entries about an axis.
 fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<Flaw> {
     match axis {
         Some(axis) => axis.fault().or((!wanted).then_some(
-            "there is an axis, but nothing about it: state radial, hoop, axial or, of a traction, torque",
+            "an axis is stated, but no component about it: state radial, hoop, axial or, of a traction, torque",
         )),
         None if wanted => {
-            return Some("radial, hoop, axial and torque are about an axis: state it".into());
+            return Some("radial, hoop, axial and torque need an axis: state it".into());
         }
         None => None,
     }
     .map(|text| Flaw::of("axis", text))
 }
 
-/// The values that are stated, with what they are called.
+/// The stated values, with their names.
 fn values<'q, const D: usize>(
     stated: impl IntoIterator<Item = (&'static str, Option<&'q Quantity<D>>)>,
 ) -> Vec<String> {
@@ -264,7 +264,7 @@ along_axes!(Traction, "force per area", "Pa");
 along_axes!(BodyForce, "force per volume", "N/m³");
 along_axes!(Force, "force on each node", "N");
 
-/// Prescribed displacements on boundaries or at a point. What is not stated is free.
+/// Prescribed displacements on boundaries or at a point. Components that are not stated are free.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Support<const D: usize = 2> {
@@ -293,7 +293,7 @@ pub struct Support<const D: usize = 2> {
     pub(super) factors: Option<Vec<f64>>,
 }
 
-/// Where a support is, or a force.
+/// The place of a support, or a force.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Target<'n, const D: usize> {
     Boundary(&'n Names),
@@ -303,7 +303,7 @@ pub(super) enum Target<'n, const D: usize> {
 }
 
 impl<'n, const D: usize> Target<'n, D> {
-    /// The one place that is stated, if it is one.
+    /// The stated place, if it is exactly one.
     pub(super) fn of(
         boundary: &'n Option<Names>,
         nodes: &'n Option<Names>,
@@ -348,11 +348,11 @@ impl<'n, const D: usize> Target<'n, D> {
     }
 }
 
-/// What supports and forces have in common: they are in one of three places.
+/// The common methods of supports and forces: they have one of three places.
 macro_rules! in_a_place {
     ($part:ident) => {
         impl<const D: usize> $part<D> {
-            /// Where it is, once that is checked.
+            /// Its place, after the check.
             pub(super) fn target(&self) -> Target<'_, D> {
                 self.stated_target().expect("checked: it is in one place")
             }
@@ -399,20 +399,20 @@ impl<const D: usize> Support<D> {
         (0..D).fold(self, |support, axis| support.along(axis, 0.0))
     }
 
-    /// Turns what it holds about an axis, by an angle in degrees under the load factor 1; in the plane counter-clockwise. What is stated
-    /// along the axes comes on top. For large displacements.
+    /// Rotates the held nodes about an axis, by an angle in degrees at the load factor 1; in the plane counter-clockwise.
+    /// Displacements along the axes are added. For large displacements.
     pub fn turned(mut self, axis: Axis<D>, angle: f64) -> Self {
         self.rotate = Some(Turn::new(axis, angle));
         self
     }
 
-    /// No displacement across each of the boundaries, which have to be straight; in space, plane.
+    /// No displacement perpendicular to each of the boundaries, which must be straight; in space, plane.
     pub fn symmetry(mut self) -> Self {
         self.symmetry = true;
         self
     }
 
-    /// All that it prescribes.
+    /// All quantities that it prescribes.
     pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
         let along = [&mut self.x, &mut self.y, &mut self.z];
         let around = [&mut self.radial, &mut self.hoop, &mut self.axial];
@@ -463,7 +463,7 @@ impl<const D: usize> Part for Support<D> {
         }
         if let Some(turn) = &self.rotate {
             let alone = (around || self.symmetry).then_some(
-                "a support that turns holds all directions: state beside rotate at most what it moves by along the axes",
+                "a support that rotates holds all directions: state only displacements along the axes beside rotate",
             );
             return alone.or(turn.fault()).map(|text| Flaw::of("rotate", text));
         }
@@ -566,11 +566,11 @@ impl<const D: usize> Part for Foundation<D> {
     }
 }
 
-/// What symmetry cannot stand with.
+/// The error that symmetry cannot be combined with other entries.
 fn alone<const D: usize>() -> &'static str {
     match D {
-        2 => "symmetry stands alone with a boundary: leave out x, y, nodes and point",
-        _ => "symmetry stands alone with a boundary: leave out x, y, z, nodes and point",
+        2 => "symmetry takes a boundary and nothing else: leave out x, y, nodes and point",
+        _ => "symmetry takes a boundary and nothing else: leave out x, y, z, nodes and point",
     }
 }
 
@@ -621,7 +621,7 @@ impl<const D: usize> Traction<D> {
         self
     }
 
-    /// All that it says place by place.
+    /// All of its quantities that depend on the place.
     pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
         let along = [&mut self.x, &mut self.y, &mut self.z];
         let around = [&mut self.radial, &mut self.hoop, &mut self.axial];
@@ -704,7 +704,7 @@ impl<const D: usize> BodyForce<D> {
     }
 }
 
-/// Where something in a region is, in words.
+/// The place of something in a region, in words.
 fn inside(region: &Option<String>) -> String {
     (region.as_ref()).map_or(String::new(), |name| format!("in \"{name}\""))
 }
@@ -729,7 +729,7 @@ impl<const D: usize> Part for BodyForce<D> {
     }
 }
 
-/// How much warmer bodies are than when they were free of stress; where a material has an expansion, they grow.
+/// The temperature of bodies above their stress-free state; a material with an expansion grows.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature<const D: usize = 2> {
@@ -760,7 +760,7 @@ impl<const D: usize> Temperature<D> {
         Self::new(Some(region.to_owned()), value.into())
     }
 
-    /// Load factors of its own, one per step.
+    /// Its own load factors, one per step.
     pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
         self.factors = Some(factors.into());
         self
@@ -873,7 +873,7 @@ impl<const D: usize> Part for Force<D> {
     }
 }
 
-/// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves by itself.
+/// Sets of nodes that move alike: all nodes of a set have the same displacement. Each set moves independently.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equal<const D: usize = 2> {
@@ -907,7 +907,7 @@ impl<const D: usize> Equal<D> {
         self
     }
 
-    /// Its sets, as far as they are few.
+    /// Its sets, if they are few.
     pub(super) fn title(&self) -> String {
         match self.sets.all() {
             [first, .., last] if self.sets.all().len() > 3 => format!("{first} … {last}"),

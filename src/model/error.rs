@@ -1,17 +1,17 @@
-//! What is wrong with a model, and which part of it.
+//! The faults of a model, each with its part.
 
 use crate::contact::ContactError;
 use crate::mesh::BoundaryError;
 use crate::problem::ProblemError;
 use std::fmt;
 
-/// A model cannot be meant as it was stated.
+/// A model is inconsistent.
 #[derive(Debug, thiserror::Error)]
 #[error("{entity}: {fault}")]
 pub struct ModelError {
-    /// What of the model is at fault.
+    /// The part of the model at fault.
     pub entity: Entity,
-    /// What is wrong with it.
+    /// The fault.
     #[source]
     pub fault: Box<Fault>,
 }
@@ -19,13 +19,13 @@ pub struct ModelError {
 /// A part of a model, such as `support 2 on "bottom"`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entity {
-    /// What it is.
+    /// Its kind.
     pub kind: EntityKind,
-    /// Which of its kind, from 0; None where all of them are meant.
+    /// Its number among its kind, from 0; None for all of them.
     pub number: Option<usize>,
-    /// Where it is: `on "bottom"`, `at (0, 1)`; empty if that says nothing.
+    /// Its place: `on "bottom"`, `at (0, 1)`; empty without one.
     pub place: String,
-    /// The key of it that is at fault; empty where that is the whole of it.
+    /// The key at fault; empty for the part as a whole.
     pub key: &'static str,
 }
 
@@ -64,11 +64,11 @@ pub enum EntityKind {
     Gravity,
     /// The load steps.
     Steps,
-    /// What lengths and forces are called.
+    /// The names of lengths and forces.
     Units,
 }
 
-/// What is wrong with a part of a model.
+/// The fault of a part of a model.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// The mesh has no such boundary.
@@ -78,7 +78,7 @@ pub enum Fault {
         name: String,
         /// The boundaries of the mesh.
         known: Vec<String>,
-        /// That of the mesh: 2 or 3.
+        /// The dimension of the mesh: 2 or 3.
         dimension: usize,
     },
     /// The mesh has no such region.
@@ -103,7 +103,7 @@ pub enum Fault {
         /// Whether there is a boundary of this name.
         is_boundary: bool,
     },
-    /// The boundary is none that this can be done to.
+    /// The boundary cannot be used in this way.
     #[error(transparent)]
     Boundary(BoundaryError),
     /// The boundaries do not make a contact.
@@ -143,8 +143,8 @@ impl Entity {
         Self { key, ..self }
     }
 
-    /// Where it stands in a case file, such as `support[1].axis`; of a kind of which there are several, the first where none is
-    /// meant, and of materials the last, behind which another one could stand.
+    /// Its path in a case file, such as `support[1].axis`; for a kind with several entries, the first where no number is given,
+    /// and for materials the last, after which another one could follow.
     #[cfg(feature = "case")]
     pub(crate) fn path(&self) -> String {
         let key = self.kind.words()[0];
@@ -170,7 +170,7 @@ impl Entity {
 }
 
 impl EntityKind {
-    /// The key of its table in a case file, and what one of it and several are called.
+    /// The key of its table in a case file, and the words for one and several of them.
     pub(crate) fn words(self) -> [&'static str; 3] {
         match self {
             Self::Model => ["mesh", "model", "model"],
@@ -224,7 +224,7 @@ impl fmt::Display for Entity {
     }
 }
 
-/// What the mesh has instead of a boundary.
+/// The boundaries that the mesh has instead.
 fn boundaries(name: &str, known: &[String], dimension: usize) -> String {
     if known.is_empty() {
         return without_boundaries(name, dimension);
@@ -232,10 +232,10 @@ fn boundaries(name: &str, known: &[String], dimension: usize) -> String {
     format!("; the mesh has {}{}", listed(known), meant(name, known))
 }
 
-/// What the mesh has instead of a set of nodes.
+/// The sets of nodes that the mesh has instead.
 fn node_sets(name: &str, known: &[String], is_boundary: bool) -> String {
     if is_boundary {
-        return ", but a boundary is called so: write boundary instead of nodes".to_owned();
+        return ", but a boundary has this name: write boundary instead of nodes".to_owned();
     }
     if known.is_empty() {
         return ": the mesh file has none; in Gmsh add Physical Point(\"…\") = {…}; in an .inp file a *NSET, or hold a point"
@@ -244,7 +244,7 @@ fn node_sets(name: &str, known: &[String], is_boundary: bool) -> String {
     format!("; the mesh has {}{}", listed(known), meant(name, known))
 }
 
-/// What to do about a mesh, or a part of one, without any boundary.
+/// The remedy for a mesh, or a part of one, without any boundary.
 pub(crate) fn without_boundaries(name: &str, dimension: usize) -> String {
     let (several, one) = match dimension {
         2 => ("curves", "Curve"),

@@ -11,7 +11,7 @@ use crate::problem::{LARGEST, SIZES, is_sized};
 use crate::quasistatic::Load;
 use crate::sparse::{norm, norm_max};
 
-/// What a load step puts on the bodies.
+/// The load of a step on the bodies.
 #[derive(Clone, Debug)]
 pub struct StepData<const D: usize = 2> {
     /// The common load factor.
@@ -24,13 +24,13 @@ pub struct StepData<const D: usize = 2> {
     pub total_load: [f64; D],
     /// The same for the solver.
     pub load: Load,
-    /// How much warmer the bodies are.
+    /// The temperature of the bodies.
     pub temperature: TemperatureField<D>,
     /// What contacts, ties and friction are in this step; None where they are the same in all.
     pub changes: Option<Changes>,
 }
 
-/// How much warmer bodies are than when they were free of stress, in a load step.
+/// The temperature of bodies above their stress-free state, in a load step.
 #[derive(Clone, Debug, Default)]
 pub struct TemperatureField<const D: usize = 2>(pub(super) Vec<Warmth<D>>);
 
@@ -38,7 +38,7 @@ pub struct TemperatureField<const D: usize = 2>(pub(super) Vec<Warmth<D>>);
 pub(super) type Warmth<const D: usize> = (Option<Vec<u32>>, f64, Quantity<D>);
 
 impl<const D: usize> TemperatureField<D> {
-    /// Whether nothing is said of it.
+    /// Whether it is not stated.
     pub fn is_none(&self) -> bool {
         self.0.is_empty()
     }
@@ -58,7 +58,7 @@ where
     /// The load at the end of a step, counted from 0.
     ///
     /// # Errors
-    /// If there is no such step, or a load or a displacement is not finite, or two supports differ about one.
+    /// If there is no such step, or a load or a displacement is not finite, or two supports prescribe different ones.
     pub fn step(&self, step: usize) -> Result<StepData<D>, ModelError> {
         let definition = &self.definition;
         let n_steps = definition.n_steps();
@@ -107,12 +107,12 @@ pub(super) fn end_of(step: usize) -> f64 {
     step as f64 + 1.0
 }
 
-/// How large the forces are that act on the nodes.
+/// The size of the forces on the nodes.
 pub(super) fn acting<const D: usize>(forces: &[[f64; D]]) -> f64 {
     norm(forces.as_flattened())
 }
 
-/// The facets of a boundary that were looked for in a mesh, or what it has instead.
+/// The facets of a boundary of a mesh, or the boundaries that it has instead.
 pub(super) fn known<'m, const D: usize>(
     mesh: &Mesh<D>,
     facets: Result<&'m [Facet<D>], BoundaryError>,
@@ -130,8 +130,8 @@ where
     })
 }
 
-/// The facets of several boundaries on the outside as of one. Where some of them are sets of nodes without a face of their own,
-/// those whose nodes are in all of them together.
+/// The outer facets of several boundaries as of one. Where some of them are sets of nodes without their own faces, the facets
+/// whose nodes are in all of them together.
 pub(super) fn outer_facets<const D: usize>(
     mesh: &Mesh<D>,
     names: &[String],
@@ -153,7 +153,7 @@ where
     Ok(all)
 }
 
-/// The outer facets whose corners are in sets of nodes and on boundaries together.
+/// The outer facets whose corners are all in sets of nodes and on boundaries.
 fn between_sets<const D: usize>(mesh: &Mesh<D>, names: &[String]) -> Result<Vec<Facet<D>>, Fault>
 where
     ElementKind: Topology<D>,
@@ -180,7 +180,7 @@ where
     Ok(facets)
 }
 
-/// The regions that a name stands for.
+/// The regions behind a name.
 pub(super) fn region<'m, const D: usize>(mesh: &'m Mesh<D>, name: &str) -> Result<&'m [u32], Fault>
 where
     ElementKind: Topology<D>,
@@ -198,7 +198,7 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// How much warmer the bodies are in a step.
+    /// The temperature of the bodies in a step.
     pub(super) fn temperature(
         &self,
         mesh: &Mesh<D>,
@@ -303,7 +303,7 @@ where
                 note(&[added], f.entity(number));
             }
         }
-        // Where displacements are large, warmth is a matter of the material.
+        // With large displacements, the material handles temperature.
         if !self.is_large() {
             self.add_expansion(body, time, &mut forces)?;
         }
@@ -349,7 +349,7 @@ where
 /// A traction on its facets, as force per area.
 struct PerArea<'t, const D: usize> {
     traction: &'t Traction<D>,
-    /// What the arm about the axis is multiplied by: the torque over ∫ r².
+    /// The factor of the arm about the axis: the torque over ∫ r².
     turn: f64,
     /// The force over the area.
     even: [f64; D],
@@ -358,7 +358,7 @@ struct PerArea<'t, const D: usize> {
 }
 
 impl<const D: usize> Traction<D> {
-    /// What it is on these facets, with the integrals that a torque and a force are spread by.
+    /// Its value per area on these facets, with the integrals that distribute a torque and a force.
     fn per_area(
         &self,
         body: &Body<D>,
@@ -405,7 +405,7 @@ impl<const D: usize> Traction<D> {
 }
 
 impl<const D: usize> PerArea<'_, D> {
-    /// At a point with the outward normal n; not finite where there is no such direction.
+    /// At a point with the outward normal n; not finite where the direction is undefined.
     fn at(&self, x: [f64; D], n: [f64; D]) -> [f64; D] {
         let t = self.traction;
         let components = t.components();

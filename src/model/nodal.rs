@@ -1,4 +1,4 @@
-//! Quantities that have values at nodes, as functions of the place on what they are stated for.
+//! Quantities with values at nodes, as functions of the position on their boundaries or regions.
 
 use super::entities::{Part as _, Target};
 use super::error::{Fault, ModelError};
@@ -24,11 +24,11 @@ fn in_space<const D: usize>(x: [f64; D]) -> [f64; 3] {
 
 /// Facets or elements that values at nodes are interpolated on.
 struct Pieces<const D: usize, P> {
-    /// By place, for what is asked at a node itself.
+    /// By position, for values at a node itself.
     nodes: HashMap<[u64; 3], u32>,
     tree: RTree<Boxed<P>>,
     places: Vec<[f64; D]>,
-    /// That of the mesh.
+    /// The size of the mesh.
     size: f64,
 }
 
@@ -38,7 +38,7 @@ trait Piece<const D: usize>: Copy + Send + Sync + 'static {
     fn foot(&self, nodes: &[[f64; D]], x: [f64; D]) -> Foot;
 }
 
-/// A facet, told apart from what else may be an array.
+/// A facet, distinguished from other arrays.
 #[derive(Clone, Copy)]
 struct OfFacet<F>(F);
 
@@ -97,7 +97,7 @@ impl<const D: usize, P: Piece<D>> Pieces<D, P> {
         }
     }
 
-    /// The value at a point that lies on them, or near them.
+    /// The value at a point on them, or near them.
     fn value(&self, values: &[f64], x: [f64; D]) -> f64 {
         if let Some(&node) = self.nodes.get(&key(x)) {
             return values[node as usize];
@@ -118,7 +118,8 @@ impl<const D: usize, P: Piece<D>> Pieces<D, P> {
                 *best = Some((foot.miss, value));
             }
         };
-        // Those whose boxes have it; where it lies off them, or they bulge out of their boxes, the nearest ones as well.
+        // Facets whose boxes contain it; where it is off them, or they bulge out of their boxes, the nearest ones as
+        // well.
         let here = self
             .tree
             .locate_in_envelope_intersecting(AABB::from_point(at));
@@ -134,10 +135,10 @@ impl<const D: usize, P: Piece<D>> Pieces<D, P> {
     }
 }
 
-/// What lies off a piece by no more than this part of the mesh lies on it: integration points do so up to rounding.
+/// A point off a piece by at most this part of the mesh is on it: integration points are, up to rounding.
 const ON: f64 = 1e-12;
 
-/// How many of the pieces nearest to a point are looked at: as many as may meet at a node of a regular mesh.
+/// The number of pieces nearest to a point to check: as many as may meet at a node of a regular mesh.
 const NEAREST: usize = 8;
 
 /// Turns values at nodes into a function of the place.
@@ -169,7 +170,7 @@ fn placed<const D: usize, P: Piece<D>>(
     Ok(())
 }
 
-/// The facets of several boundaries; what is wrong with a name is told where it is used.
+/// The facets of several boundaries; errors in a name are reported where it is used.
 fn facets_of<const D: usize>(mesh: &Mesh<D>, names: &[String]) -> Vec<OfFacet<Facet<D>>>
 where
     ElementKind: Topology<D>,
@@ -178,7 +179,7 @@ where
     all.flatten().copied().map(OfFacet).collect()
 }
 
-/// The facets of all elements, of which any node is one, if a quantity has values at nodes.
+/// The facets of all elements, which contain every node, if a quantity has values at nodes.
 fn around_nodes<'q, const D: usize>(
     mesh: &Mesh<D>,
     mut quantities: impl Iterator<Item = &'q Quantity<D>>,

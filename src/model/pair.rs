@@ -1,4 +1,4 @@
-//! A contact or a tie of a model, as it is stated.
+//! A contact or a tie of a model, as stated.
 
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, with_a_name};
 use super::error::EntityKind;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub struct Pair<const D: usize = 2> {
     pub(super) name: Option<String>,
     boundary: Option<Names>,
-    /// In place of the boundary: sets of nodes, one by one.
+    /// Instead of the boundary: sets of nodes, one by one.
     nodes: Option<Names>,
     against: Option<Names>,
     #[serde(
@@ -44,7 +44,7 @@ pub struct Pair<const D: usize = 2> {
     friction_factors: Option<Vec<f64>>,
 }
 
-/// What a boundary may touch.
+/// The other side of a boundary.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Against<'p, const D: usize> {
     Boundary(&'p Names),
@@ -63,7 +63,7 @@ pub(super) enum Law<const D: usize> {
     Tied,
 }
 
-/// What an overlap of the meshes is.
+/// The meaning of an overlap of the meshes.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Overlap {
@@ -71,8 +71,8 @@ pub(super) enum Overlap {
     Interference,
 }
 
-/// How stiff a contact itself is, pressure over what the gap closes by, and traction over what comes before slip: hard where it is not
-/// stated. Of a foundation, the same over its displacement: free where it is not stated.
+/// The stiffness of a contact itself: pressure over closure of the gap, and traction over displacement before slip; hard if not
+/// stated. Of a foundation, the same over its displacement; free if not stated.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,
@@ -117,7 +117,7 @@ impl<const D: usize> Stiffness<D> {
     }
 }
 
-/// What may be said of a tie, of all that may be said of a contact.
+/// The keys of a tie, out of those of a contact.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tie {
@@ -157,8 +157,8 @@ impl<const D: usize> Pair<D> {
     }
 
     /// The boundary of a body and that of another one (each may be several that count as one) that hold together in every
-    /// direction, for [`Model::tie`](super::Model::tie): their meshes need not match, and what is between them as they are drawn stays.
-    /// [`Pair::adjust`] says how far apart they may be; without, a quarter of the longest facet of the first one.
+    /// direction, for [`Model::tie`](super::Model::tie): their meshes need not match, and a gap in the drawing stays.
+    /// [`Pair::adjust`] sets the largest distance; the default is a quarter of the longest facet of the first one.
     pub fn tied(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
         Self {
             law: Law::Tied,
@@ -166,8 +166,8 @@ impl<const D: usize> Pair<D> {
         }
     }
 
-    /// Takes the names of the first side for sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), each node of which
-    /// meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] does better.
+    /// Reads the names of the first side as sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), each node of which
+    /// meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] is better.
     pub fn by_nodes(mut self) -> Self {
         self.nodes = self.boundary.take().or(self.nodes);
         self
@@ -190,7 +190,7 @@ impl<const D: usize> Pair<D> {
         self.nodes.is_some()
     }
 
-    /// What the first side may touch, once it is checked that it is one.
+    /// The other side, after the check that it is exactly one.
     pub(super) fn meets(&self) -> Against<'_, D> {
         let met = self.stated_against();
         met.expect("checked: there is something to touch")
@@ -240,26 +240,25 @@ impl<const D: usize> Pair<D> {
         self
     }
 
-    /// How far in m the sides overlap where they meet, of what is pressed or shrunk on; instead of a gap.
+    /// The overlap in m of pressed or shrunk sides where they meet; replaces a gap.
     pub fn interference(mut self, overlap: impl Into<Quantity<D>>) -> Self {
         self.interference = Some(overlap.into());
         self
     }
 
-    /// What the meshes overlap is pressed apart, as what is pressed or shrunk on is; elsewhere the gap is the distance of the
-    /// meshes.
+    /// Overlaps of the meshes are pressed apart, as in a press fit; elsewhere the gap is the distance of the meshes.
     pub fn overlap_as_interference(mut self) -> Self {
         self.overlap = Some(Overlap::Interference);
         self
     }
 
-    /// Compliant contact: the pressure over what the gap closes by, in Pa/m. Hard without.
+    /// Compliant contact: pressure over closure of the gap, in Pa/m. Hard without it.
     pub fn normal_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
         self.stiffness.normal = Some(stiffness.into());
         self
     }
 
-    /// The tangential traction over what the sides move by before they slip, in Pa/m. Without it they stick altogether.
+    /// Tangential traction over displacement before slip, in Pa/m. Without it the sides stick rigidly.
     pub fn tangential_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
         self.stiffness.tangential = Some(stiffness.into());
         self
@@ -271,7 +270,7 @@ impl<const D: usize> Pair<D> {
         self
     }
 
-    /// What is added to the gap that the meshes have, in m: below 0 for coatings that are not drawn, above 0 for a contact that begins
+    /// An offset added to the gap of the meshes, in m: below 0 for coatings that are not drawn, above 0 for a contact that begins
     /// with an overlap, as a part of a law in pieces does.
     pub fn offset(mut self, distance: f64) -> Self {
         self.offset = distance;
@@ -279,14 +278,14 @@ impl<const D: usize> Pair<D> {
     }
 
     /// Between boundaries: edges sharper than this between the outward normals of neighbouring facets, in degrees, cut them
-    /// into parts with contact forces and normals of their own. Without it 50, so that a hexagon has edges and a circle of
+    /// into parts with their own contact forces and normals. Without it 50, so that a hexagon has edges and a circle of
     /// eight facets has none; 180: none.
     pub fn edge_angle(mut self, degrees: f64) -> Self {
         self.edge_angle = Some(degrees);
         self
     }
 
-    /// How the obstacle moves, where displacements are large.
+    /// The motion of the obstacle, for large displacements.
     pub fn moving(mut self, motion: Motion<D>) -> Self {
         self.motion = Some(motion);
         self
@@ -325,8 +324,8 @@ impl<const D: usize> Pair<D> {
             .unwrap_or(1.0)
     }
 
-    /// What is farther apart is no candidate between boundaries, and not rubbed by Tresca's bound on an obstacle; in m.
-    /// Without it: half the diagonal of the box around the smaller boundary.
+    /// Beyond this distance in m boundaries are not searched for contact, and Tresca's bound does not act on an
+    /// obstacle. Default: half the diagonal of the box around the smaller boundary.
     pub fn search_distance(mut self, distance: f64) -> Self {
         self.search_distance = Some(distance);
         self
@@ -377,7 +376,7 @@ impl<const D: usize> Pair<D> {
         Some(Flaw::of(text.0, text.1))
     }
 
-    /// Whether another contact is about the same boundaries the other way round.
+    /// Whether another contact has the same boundaries with its sides swapped.
     pub(super) fn mirrors(&self, other: &Self) -> bool {
         match (self.meets(), other.meets()) {
             (Against::Boundary(here), Against::Boundary(there)) => {
@@ -443,15 +442,15 @@ impl<const D: usize> Part for Pair<D> {
             }
             () if !self.offset.is_finite() => "offset must be finite",
             () if self.offset != 0.0 && is_stated => {
-                "offset is added to the gap that the meshes have: state no gap and no interference beside it"
+                "offset is added to the gap in the mesh: leave out gap and interference"
             }
             () if self.overlap.is_some() && is_stated => {
-                "overlap = \"interference\" is about the gap that the meshes have: state no gap and no interference beside it"
+                "overlap = \"interference\" refers to the gap in the mesh: leave out gap and interference"
             }
             () => match against {
                 Against::Boundary(names) if names.all().is_empty() => NO_BOUNDARY,
                 Against::Boundary(names) if names.meet(side) => {
-                    "a boundary stands on both sides of this contact: contact of a body with itself needs two boundaries \
+                    "a boundary is on both sides of this contact: contact of a body with itself needs two boundaries \
                      that share no node"
                 }
                 Against::Boundary(_) => return None,
@@ -462,7 +461,7 @@ impl<const D: usize> Part for Pair<D> {
     }
 }
 
-/// What of an obstacle has no shape, in the words of its dimension.
+/// The missing part of an obstacle's shape, in the words of its dimension.
 fn obstacle_fault<const D: usize>(obstacle: &Obstacle<D>) -> Option<&'static str> {
     let finite = |point: &[f64; D]| point.iter().all(|v| v.is_finite());
     let positive = |value: f64| value > 0.0 && value.is_finite();

@@ -15,17 +15,17 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Quantity<const D: usize = 2>(Form<D>);
 
-/// What descriptions print for values at nodes.
+/// The text for values at nodes in descriptions.
 pub(super) const NODAL: &str = "values at the nodes";
 
 #[derive(Clone)]
 enum Form<const D: usize> {
     Constant(f64),
-    /// As it is written, and what it means.
+    /// Its text, and its meaning.
     Expression(Arc<str>, Expression<D>),
     Function {
         at: Arc<dyn Fn([f64; D]) -> f64 + Send + Sync>,
-        /// What descriptions print for it.
+        /// Its text in descriptions.
         text: Arc<str>,
     },
     /// A value for each node of the mesh, which a model turns into a function of the place on its boundary or region.
@@ -41,8 +41,8 @@ impl<const D: usize> Quantity<D> {
         })
     }
 
-    /// A value for each node of the mesh; between them shape functions interpolate, on the boundaries (in the region) that it is
-    /// stated for alone, so that bodies which touch may have different ones.
+    /// A value for each node of the mesh; between them shape functions interpolate, only on the boundaries (in the region) that
+    /// it is stated for, so that touching bodies may have different ones.
     ///
     /// ```
     /// use signorini::elasticity::Material;
@@ -80,7 +80,7 @@ impl<const D: usize> Quantity<D> {
         }
     }
 
-    /// The value at a point; NaN where it has values at nodes, and no model has said of which mesh.
+    /// The value at a point; NaN for values at nodes that belong to no mesh yet.
     pub fn at(&self, x: [f64; D]) -> f64 {
         match &self.0 {
             Form::Constant(value) => *value,
@@ -91,7 +91,7 @@ impl<const D: usize> Quantity<D> {
     }
 }
 
-/// A number as it is written, with a point or an exponent, to be read back as the same.
+/// A number as text, with a point or an exponent, that reads back as the same number.
 #[cfg(feature = "case")]
 pub(crate) struct Number(pub f64);
 
@@ -138,7 +138,7 @@ impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
     }
 }
 
-/// As it is read; a function that a program states has no such form.
+/// As it is read; a function stated by a program has no such form.
 impl<const D: usize> Serialize for Quantity<D> {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         match &self.0 {

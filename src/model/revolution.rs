@@ -1,4 +1,4 @@
-//! Bodies of revolution: what a model of one may say, and its axis.
+//! Bodies of revolution: the allowed entries of their models, and their axis.
 
 use super::Definition;
 use super::entities::{Part as _, Support};
@@ -8,9 +8,9 @@ use crate::elasticity::Plane;
 use crate::mesh::vector::length;
 use crate::mesh::{ElementKind, Location, Mesh};
 
-/// What the set of nodes on the axis is called, and what holds them there.
+/// The name of the set of nodes on the axis, and of the support that holds them there.
 const AXIS: &str = "axis of revolution";
-/// Nodes this near to the axis, in the size of the mesh, lie on it: files have six digits at least.
+/// Nodes this close to the axis, relative to the size of the mesh, are on it: files have six digits at least.
 const ON_AXIS: f64 = 1e-6;
 
 impl<const D: usize> Definition<D> {
@@ -18,7 +18,7 @@ impl<const D: usize> Definition<D> {
         D == 2 && self.plane() == Plane::Axisymmetric
     }
 
-    /// Whether what it says can be meant of a body of revolution, if that is what it is.
+    /// Checks that the entries are consistent with a body of revolution, if the model is one.
     pub(super) fn check_revolution(&self) -> Result<(), ModelError> {
         if !self.is_of_revolution() {
             return Ok(());
@@ -28,7 +28,7 @@ impl<const D: usize> Definition<D> {
             return Err(Entity::all(EntityKind::Thickness).error(text));
         }
         if self.analysis.gravity.is_some_and(|g| g[0] != 0.0) {
-            let text = "gravity of a body of revolution acts along its axis, which is y";
+            let text = "gravity of a body of revolution acts along its axis, y";
             return Err(Entity::all(EntityKind::Gravity).error(text));
         }
         if let Some(rotation) = &self.analysis.rotation
@@ -37,8 +37,8 @@ impl<const D: usize> Definition<D> {
             let text = "a body of revolution rotates about its axis, x = 0: leave point out";
             return Err(Entity::all(EntityKind::Rotation).error(text));
         }
-        let text = "x is radial and y axial of a body of revolution, and nothing acts around its axis: leave out axis and \
-                    what is said about it";
+        let text = "in a body of revolution x is radial and y axial, and nothing acts around its axis: leave out axis \
+                    and its components";
         let held = |support: &Support<D>| support.axis.is_some();
         if let Some(number) = self.supports.iter().position(held) {
             return Err(self.supports[number].entity(number).error(text));
@@ -49,7 +49,8 @@ impl<const D: usize> Definition<D> {
         Ok(())
     }
 
-    /// Moves what lies on the axis of a body of revolution onto it and holds it there: what is round it cannot open.
+    /// Moves nodes on the axis of a body of revolution exactly onto it and holds them there: a ring around them cannot
+    /// open.
     pub(super) fn hold_axis(&mut self, mesh: &mut Mesh<D>) -> Result<(), ModelError>
     where
         ElementKind: Space<D>,
@@ -63,7 +64,7 @@ impl<const D: usize> Definition<D> {
         for (number, x) in (0..).zip(&mut mesh.nodes) {
             if x[0] < -same {
                 return Err(Entity::all(EntityKind::Model).error(Fault::Stated(format!(
-                    "the node at {} lies beyond the axis of revolution, x = 0: draw the half with x ≥ 0",
+                    "the node at {} is beyond the axis of revolution, x = 0: draw the half with x ≥ 0",
                     Location::from(*x)
                 ))));
             }

@@ -1,5 +1,5 @@
-//! What each rank gets of a model that several ranks work on (feature `mpi`): rank 0 cuts it up, and each makes an [`Elastic`] of
-//! its own part, with the elements around its nodes.
+//! The part of each rank in a model for several ranks (feature `mpi`): rank 0 divides it, and each makes an [`Elastic`] of its
+//! own part, with the elements around its nodes.
 //!
 //! Nodes are numbered rank by rank. Of a rank's nodes the own ones come first, then those of others that its elements reach; of
 //! its elements first those that are its own, by their first node, then those that it only needs for the rows of its nodes.
@@ -26,7 +26,7 @@ use std::sync::{Arc, Mutex};
 /// No block, or no node.
 const NONE: u32 = u32::MAX;
 
-/// What all ranks get.
+/// The data that all ranks get.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Common {
     pub n_free: usize,
@@ -55,7 +55,7 @@ pub(crate) struct Common {
     pub corners: [Vec<f64>; 2],
 }
 
-/// A contact place but for its nodes.
+/// A contact place without its nodes.
 #[derive(Clone, Serialize, Deserialize)]
 struct Place {
     place: Vec<f64>,
@@ -78,11 +78,11 @@ pub(crate) struct Body {
     pub part: u32,
     pub motions: Motions,
     pub name: String,
-    /// How it can move, in words.
+    /// Its possible motions, in words.
     pub freedom: String,
 }
 
-/// A load step, but for what is as long as K has rows.
+/// A load step, without vectors that have an entry per row of K.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Step {
     pub factor: f64,
@@ -95,7 +95,7 @@ pub(crate) struct Step {
     changes: Option<Changes>,
 }
 
-/// What a rank gets for itself.
+/// The data that only one rank gets.
 #[derive(Default, Serialize, Deserialize)]
 pub(crate) struct Part {
     /// The first of its nodes, and of its blocks, in the numbering of all ranks.
@@ -145,7 +145,7 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// Of a model; None where it is more than 32-bit numbers count.
+    /// For a model; None if it exceeds 32-bit numbers.
     pub fn new<const D: usize>(elastic: &Elastic<D>) -> Option<Self>
     where
         ElementKind: Topology<D>,
@@ -174,7 +174,7 @@ impl Graph {
                 None => 0,
             });
         }
-        // An entry of B is one number, a block of K D² of them.
+        // An entry of B is one number, a block of K has D².
         let mut entries = vec![0; mesh.nodes.len()];
         for rows in [&elastic.contact.normal, &elastic.contact.tangential] {
             for &column in rows.col_idx() {
@@ -193,12 +193,12 @@ impl Graph {
 }
 
 impl Graph {
-    /// Of the blocks of K; None where it is more than 32-bit numbers count.
+    /// For the blocks of K; None if it exceeds 32-bit numbers.
     pub fn of_matrix<const D: usize>(k: &BlockCsr<D>) -> Option<Self> {
         let (mut starts, mut others, mut work) = (vec![0], Vec::new(), Vec::new());
         for i in 0..k.n_block_rows() {
             let columns = k.row(i).0;
-            // Zeros may be stored on one side of the diagonal alone.
+            // Zeros may be stored on only one side of the diagonal.
             let ties = columns.iter().zip(k.row(i).1).filter(|&(&j, block)| {
                 j as usize != i && block.as_flattened().iter().any(|&v| v != 0.0)
             });
@@ -221,7 +221,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// Turns lists of `count` things, whose members are below `n`, around: for each member what has it.
+    /// Inverts `count` lists whose members are below `n`: for each member the lists that contain it.
     fn new<I: Iterator<Item = u32>>(n: usize, count: usize, of: impl Fn(usize) -> I) -> Self {
         let mut starts = vec![0; n + 1];
         for thing in 0..count {
@@ -246,7 +246,7 @@ impl Lists {
     }
 }
 
-/// A model that is being cut up, on rank 0.
+/// A model that rank 0 is dividing.
 pub(crate) struct Cut<'a, const D: usize>
 where
     ElementKind: Topology<D>,
@@ -276,10 +276,10 @@ impl<'a, const D: usize> Cut<'a, D>
 where
     ElementKind: Space<D>,
 {
-    /// Of a model whose nodes have these owners, among so many ranks.
+    /// For a model whose nodes have these owners, among so many ranks.
     ///
     /// # Errors
-    /// If a load step cannot be meant, or a body can move as a whole and has no contact to hold it.
+    /// If a load step is inconsistent, or a body can move as a whole and has no contact to hold it.
     pub fn new(
         elastic: &'a Elastic<D>,
         owner: &'a [u32],
@@ -399,7 +399,7 @@ where
         })
     }
 
-    /// What a rank gets. (One text: a paragraph for each thing that it gets.)
+    /// The part of a rank. (One function: a paragraph for each of its data.)
     pub fn part(&self, rank: usize) -> Part {
         let (elastic, mesh) = (self.elastic, &self.elastic.mesh);
         let own = self.nodes.of(rank);
@@ -592,7 +592,7 @@ where
     touched_by(elastic, |_| true)
 }
 
-/// Whether the rows of such contact places do.
+/// Whether the rows of such contact places involve it.
 fn touched_by<const D: usize>(elastic: &Elastic<D>, place: impl Fn(usize) -> bool) -> Vec<bool>
 where
     ElementKind: Topology<D>,
@@ -620,7 +620,7 @@ where
     Ok(bodies.into_iter().map(|body| body.freedom).collect())
 }
 
-/// The bodies that can move as a whole, by what their supports leave them, and the unknowns to tie them by.
+/// The bodies that can move as a whole, by the motions that their supports leave free, and the unknowns to tie them by.
 fn floating<const D: usize>(
     elastic: &Elastic<D>,
     count: usize,
@@ -648,12 +648,12 @@ where
         if part[node as usize] != NONE {
             let held = &mut held[part[node as usize] as usize];
             held.extend(ways(node));
-            // A ring moves as a whole along its axis alone: its hoops hold it in radius.
+            // A ring moves as a whole only along its axis: its hoop stiffness holds it in radius.
             let radial = std::array::from_fn(|i| f64::from(u8::from(i == 0)));
             held.extend(is_round.then_some((mesh.nodes[node as usize], radial)));
         }
     }
-    // Nodes that are held altogether hold what the elements around them belong to.
+    // Fully held nodes hold the bodies of the elements around them.
     let mut seen = HashSet::new();
     for element in &mesh.elements {
         let of = |&node: &u32| part[node as usize];
@@ -725,7 +725,7 @@ where
     Ok((bodies, ties))
 }
 
-/// Whether a block moves in a component: not where that is held along an axis.
+/// Whether a block moves in a component: not where a support holds it along an axis.
 fn moves<const D: usize>(unknowns: &Unknowns<D>) -> impl Fn(u32, usize) -> bool + '_ {
     |block, c| {
         let node = unknowns.node(block as usize);
@@ -754,7 +754,7 @@ impl Place {
         }
     }
 
-    /// As it was, with none of its nodes: where it is one, that is none of this rank's.
+    /// The place as before, without its nodes: if it is at a node, that is not one of this rank's.
     fn made<const D: usize>(&self) -> ContactPlace<D> {
         ContactPlace {
             place: fixed(&self.place),
@@ -784,7 +784,7 @@ fn rows<const D: usize>(from: &[f64]) -> [[f64; D]; D] {
     std::array::from_fn(|r| fixed(&from[D * r..]))
 }
 
-/// The bodies on a rank, with what it needs for the load of each step.
+/// The bodies on a rank, with the data for the load of each step.
 pub(crate) struct Received<const D: usize>
 where
     ElementKind: Topology<D>,
@@ -800,7 +800,7 @@ impl<const D: usize> Received<D>
 where
     ElementKind: Space<D>,
 {
-    /// From what has come from rank 0.
+    /// From the data that rank 0 sent.
     pub fn new(common: Common, mut part: Part) -> Self {
         let mesh = Mesh {
             nodes: part.coordinates.chunks(D).map(fixed).collect(),
@@ -888,8 +888,8 @@ where
         }
     }
 
-    /// Learns the temperatures of the model, which rank 0 has, at the points that the stresses of this rank's elements are looked at
-    /// in: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
+    /// Learns the temperatures of the model, which rank 0 has, at the points where the stresses of this rank's elements are
+    /// computed: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
     pub fn learn_temperatures(&mut self, group: &Group, of_model: &[Quantity<D>]) {
         if self.common.warm_regions.is_empty() {
             return;
@@ -936,7 +936,7 @@ where
             .collect();
     }
 
-    /// What this rank has of the bodies that can move as a whole.
+    /// This rank's part of the bodies that can move as a whole.
     pub fn floating_bodies(&self, points: &[[f64; D]], ranks: &Ranks) -> FloatingBodies<D> {
         let bodies = self.common.bodies.iter().map(|body| {
             let here = (self.part.parts.iter().zip(0u32..)).filter(|&(&part, _)| part == body.part);
@@ -1002,7 +1002,7 @@ impl Part {
         elements
     }
 
-    /// The numbering of its nodes, with what is prescribed in a step.
+    /// The numbering of its nodes, with the prescribed components of a step.
     fn unknowns<const D: usize>(&self, nodes: usize, step: usize) -> Unknowns<D> {
         let mut prescribed = vec![[None; D]; nodes];
         for (&(node, c), &value) in self.prescribed.iter().zip(&self.values[step]) {

@@ -1,4 +1,4 @@
-//! How parts of a model are read from the tables of a case file, where their types alone do not say it.
+//! Reading parts of a model from the tables of a case file, where their types alone do not suffice.
 
 use super::Quantity;
 use super::entities::{AXES, Names};
@@ -8,7 +8,7 @@ use serde::de::{Error, IgnoredAny};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Display;
 
-/// What is wrong with a part, and which key of it is at fault: none where that is the whole of it.
+/// The fault of a part, and its key: none for the part as a whole.
 pub(crate) struct Flaw {
     pub key: &'static str,
     pub text: String,
@@ -33,14 +33,15 @@ impl From<String> for Flaw {
     }
 }
 
-/// Begins messages of this room, which say in whole sentences what a value cannot mean; others say which form it has not.
+/// Begins messages of this room, which are whole sentences about the meaning of a value; other messages are about its
+/// form.
 pub(crate) const MEANING: char = '\u{2}';
 
 pub(super) fn meaningless<E: Error>(text: impl Display) -> E {
     E::custom(format_args!("{MEANING}{text}"))
 }
 
-/// What D dimensions are called.
+/// The name of D dimensions.
 pub(crate) fn called(dimension: usize) -> &'static str {
     match dimension {
         2 => "the plane",
@@ -52,7 +53,7 @@ pub(crate) fn called(dimension: usize) -> &'static str {
 pub(crate) fn as_vector<const D: usize>(entries: &[f64]) -> Result<[f64; D], String> {
     entries.try_into().map_err(|_| {
         let (found, place) = (entries.len(), called(D));
-        format!("expected {D} entries, found {found}: the mesh is one of {place}")
+        format!("expected {D} entries, found {found}: the mesh is in {place}")
     })
 }
 
@@ -76,12 +77,12 @@ pub(super) fn entries<S: Serializer, const D: usize>(
     (vector.as_ref()).map(<[f64; D]>::as_slice).serialize(to)
 }
 
-/// Whether an entry says what it would mean if it were left out.
+/// Whether an entry equals its default.
 pub(super) fn is_default<T: Default + PartialEq>(entry: &T) -> bool {
     *entry == T::default()
 }
 
-/// What only one dimension has; `beyond` says why the other has not.
+/// An entry that exists in only one dimension; `beyond` explains why the other lacks it.
 fn only<'de, S: Deserializer<'de>, T: Deserialize<'de>>(
     has: bool,
     beyond: &str,
@@ -97,15 +98,14 @@ fn only<'de, S: Deserializer<'de>, T: Deserialize<'de>>(
 pub(super) fn z<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<Quantity<D>>, S::Error> {
-    let beyond = "z has no meaning here: the mesh is one of the plane, with x and y";
+    let beyond = "z has no meaning here: the mesh is in the plane, with x and y";
     only(D == 3, beyond, from)
 }
 
 pub(super) fn axial<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<Quantity<D>>, S::Error> {
-    let beyond =
-        "axial has no meaning here: the mesh is one of the plane, where there are radial and hoop";
+    let beyond = "axial has no meaning here: the mesh is in the plane, which has radial and hoop";
     only(D == 3, beyond, from)
 }
 
@@ -123,12 +123,13 @@ pub(super) fn thickness<'de, S: Deserializer<'de>, const D: usize>(
     only(D == 2, beyond, from)
 }
 
-/// The direction of an axis, which has one in space alone; `key` names it.
+/// The direction of an axis, which exists only in space; `key` names it.
 fn direction_in<'de, S: Deserializer<'de>, const D: usize>(
     key: &str,
     from: S,
 ) -> Result<Option<[f64; 3]>, S::Error> {
-    let beyond = format!("in the plane an axis is a point and stands upright: leave out {key}");
+    let beyond =
+        format!("in the plane an axis is a point, perpendicular to the plane: leave out {key}");
     let entries: Option<Vec<f64>> = only(D == 3, &beyond, from)?;
     let vector = entries.map(|entries| as_vector(&entries));
     vector.transpose().map_err(meaningless)
@@ -157,7 +158,7 @@ pub(super) fn axes<'de, S: Deserializer<'de>, const D: usize>(
     for direction in Names::deserialize(from)?.all() {
         let Some(axis) = AXES[..D].iter().position(|axis| axis == direction) else {
             let known = AXES[..D].join("\", \"");
-            let text = format_args!("\"{direction}\" is none of the directions \"{known}\"");
+            let text = format_args!("\"{direction}\" is not one of the directions \"{known}\"");
             return Err(meaningless(text));
         };
         bound[axis] = true;
@@ -245,7 +246,7 @@ pub(crate) fn exactly<'de, S: Deserializer<'de>, T: Deserialize<'de>, const N: u
     })
 }
 
-/// What a boundary may touch, as it is written: two shapes in the plane, three in space. Normals point out of the obstacle;
+/// The other side of a boundary, as written: two shapes in the plane, three in space. Normals point out of the obstacle;
 /// vectors are of any length.
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
@@ -283,7 +284,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Its key, and those of the dimension that it has none of the shapes of.
+    /// Its key, and those of the dimension that it does not belong to.
     fn names(&self) -> (&'static str, &'static str) {
         const PLANE: &str = "half_plane or circle";
         const SPACE: &str = "half_space, sphere or cylinder";
@@ -296,7 +297,7 @@ impl Shape {
         }
     }
 
-    /// The obstacle, if it is one of D dimensions.
+    /// The obstacle, if it exists in D dimensions.
     fn obstacle<const D: usize>(&self) -> Option<Obstacle<D>> {
         fn of<const D: usize>(vector: &[f64]) -> Option<[f64; D]> {
             vector.try_into().ok()
@@ -380,7 +381,7 @@ pub(super) fn obstacle<'de, S: Deserializer<'de>, const D: usize>(
     let obstacle = shape.obstacle().ok_or_else(|| {
         let ((name, others), place) = (shape.names(), called(D));
         meaningless(format_args!(
-            "{name} is no obstacle in {place}, which the mesh is one of: write {others}"
+            "{name} is not an obstacle in {place}, where the mesh is: write {others}"
         ))
     });
     obstacle.map(Some)

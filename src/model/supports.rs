@@ -17,13 +17,13 @@ use std::sync::Arc;
 
 /// The sine of an angle between directions below which they count as one.
 pub(super) const SAME: f64 = 1e-5;
-/// Facets whose normals differ by more than this are not of one plane: files have six digits at least.
+/// Facets whose normals differ by more than this are not in one plane: files have six digits at least.
 const PLANE: f64 = 1e-5;
 
-/// A direction that is prescribed at a node.
+/// A prescribed direction at a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Way<const D: usize> {
-    /// One of the axes.
+    /// A coordinate axis.
     Axis(usize),
     /// A unit vector.
     Along([f64; D]),
@@ -37,7 +37,7 @@ impl<const D: usize> Way<D> {
         }
     }
 
-    /// A direction that is an axis where it is one to the last digits.
+    /// A direction, as an axis if it is one up to rounding.
     fn of(vector: [f64; D]) -> Self {
         match (0..D).find(|&c| vector[c] > 1.0 - 1e-15) {
             Some(axis) if (0..D).all(|c| c == axis || vector[c] == 0.0) => Self::Axis(axis),
@@ -55,8 +55,8 @@ struct Prescription<const D: usize> {
     support: usize,
     /// Under the load factor 1.
     value: f64,
-    /// The component that it prescribes: along an axis, or a direction of the node; None where those before it, at a
-    /// node with directions of its own, prescribe all of it already.
+    /// The component that it prescribes: along an axis, or a direction of the node; None if earlier ones, at a node
+    /// with its own directions, already prescribe all of it.
     component: Option<usize>,
 }
 
@@ -117,7 +117,7 @@ impl<const D: usize> Support<D> {
         Ok(nodes)
     }
 
-    /// What it prescribes about its axis at x, on a mesh of a size.
+    /// The components about its axis that it prescribes at x, on a mesh of a size.
     fn ways_around(&self, x: [f64; D], size: f64) -> Result<Vec<(Way<D>, &Quantity<D>)>, Fault> {
         let axis = self.axis.as_ref().expect("checked: there is an axis");
         let along = |directions: [[f64; D]; 3]| {
@@ -129,7 +129,7 @@ impl<const D: usize> Support<D> {
         if let Some(directions) = axis.directions(x, 1e-9 * size) {
             return Ok(along(directions));
         }
-        // On the axis both directions across it are as good as any others, if nothing is to move along them.
+        // On the axis both directions perpendicular to it are equivalent, if nothing is to move along them.
         let [radial, hoop, _] = self.ways().map(|value| value.map(|q| q.at(x)));
         match (radial, hoop) {
             (None, None) | (Some(0.0), Some(0.0)) => Ok(along(axis.any_directions())),
@@ -180,7 +180,7 @@ where
         match mesh.node_sets.get(name) {
             Some(set) if set.is_empty() => {
                 return Err(Fault::Stated(format!(
-                    "the set of nodes \"{name}\" is empty, or no element has its nodes"
+                    "the set of nodes \"{name}\" is empty, or its nodes belong to no element"
                 )));
             }
             Some(set) => nodes.extend_from_slice(set),
@@ -235,7 +235,7 @@ where
         Ok(())
     }
 
-    /// The normals of the planes of symmetry that nodes lie on, and those of an axis of revolution, which is one in the plane.
+    /// The normals of the planes of symmetry at nodes, including those of an axis of revolution, which acts like a plane.
     pub(super) fn symmetry_planes(
         &self,
         mesh: &Mesh<D>,
@@ -267,10 +267,11 @@ where
     }
 }
 
-/// Planes of one boundary differ by more than this cosine says, 26°: less is how a curved boundary is bent from facet to facet.
+/// Normals of one boundary whose cosine is below this, 26°, belong to different planes: smaller angles are those between the
+/// facets of a curved boundary.
 const APART: f64 = 0.9;
 
-/// The planes that a boundary consists of, up to one for each dimension, with the directions across them.
+/// The planes of a boundary, up to one for each dimension, with their normals.
 fn planes<const D: usize>(
     mesh: &Mesh<D>,
     name: &str,
@@ -353,7 +354,7 @@ where
     )))
 }
 
-/// Of the box around a mesh.
+/// The diagonal of the box around a mesh.
 fn diagonal<const D: usize>(mesh: &Mesh<D>) -> f64
 where
     ElementKind: Topology<D>,
@@ -362,7 +363,7 @@ where
     length(minus(high, low))
 }
 
-/// The node nearest to a point, which has to lie on the body or close to it.
+/// The node nearest to a point, which has to be on the body or close to it.
 fn nearest_node<const D: usize>(mesh: &Mesh<D>, point: [f64; D]) -> Result<u32, Fault>
 where
     ElementKind: Topology<D>,
@@ -383,7 +384,7 @@ where
 }
 
 impl<const D: usize> Prescriptions<D> {
-    /// Node, component and support of what is prescribed, each where it is prescribed first; components are along the
+    /// Node, component and support of each prescribed component, where it is prescribed first; components are along the
     /// axes, or along the directions of the node.
     pub(super) fn held(&self) -> Vec<(u32, usize, usize)> {
         let mut seen = HashSet::new();
@@ -393,7 +394,7 @@ impl<const D: usize> Prescriptions<D> {
             .collect()
     }
 
-    /// Gives the nodes that are held along other directions than axes directions of their own, and says which of these
+    /// Gives nodes that are held along other directions than the axes their own directions, and records which of these
     /// each support prescribes first.
     fn turn_nodes(&mut self) {
         let along = |p: &&Prescription<D>| matches!(p.way, Way::Along(_));
@@ -408,7 +409,7 @@ impl<const D: usize> Prescriptions<D> {
         }
         for (node, mut basis) in bases {
             for axis in 0..D {
-                // Some axis is left whole enough for each direction that is missing.
+                // For each missing direction some axis has a large enough remainder.
                 extended(&mut basis, Way::Axis(axis).vector(), 0.3);
             }
             let frame = std::array::from_fn(|c| basis[c]);
@@ -417,7 +418,7 @@ impl<const D: usize> Prescriptions<D> {
     }
 }
 
-/// Adds what is left of a unit vector across those of an orthonormal basis, if that is longer than `least`.
+/// Adds the part of a unit vector perpendicular to an orthonormal basis, if it is longer than `least`.
 pub(super) fn extended<const D: usize>(
     basis: &mut Vec<[f64; D]>,
     vector: [f64; D],
@@ -520,7 +521,7 @@ where
             .collect()
     }
 
-    /// The numbering of what supports leave free, with the prescribed displacements of all nodes in a step.
+    /// The numbering of the free components, with the prescribed displacements of all nodes in a step.
     pub(super) fn unknowns(
         &self,
         mesh: &Mesh<D>,
@@ -571,7 +572,7 @@ where
     std::array::from_fn(|c| place(c) / area)
 }
 
-/// Prescribes a value at a node; if that contradicts what is prescribed there already, in which direction.
+/// Prescribes a value at a node; returns the direction if that contradicts an earlier value.
 fn set<const D: usize>(
     here: &mut [Option<f64>; D],
     p: &Prescription<D>,
@@ -587,7 +588,7 @@ fn set<const D: usize>(
             _ => Ok(()),
         };
     };
-    // What the directions before it, of which it may have a part, have prescribed of it.
+    // The part that earlier directions have already prescribed.
     let parts = frame.map(|way| dot(way, vector));
     let others = (0..D).filter(|&c| Some(c) != p.component);
     let (mut known, mut size) = (0.0, 0.0_f64);

@@ -90,7 +90,7 @@ const BLOCKS: &str = "[[mesh.part]]\nname = \"low\"\nrectangle = { size = [3, 1]
     rectangle = { origin = [0.5, 1], size = [2, 1], cells = [7, 4], shape = \"triangle\" }\n";
 
 #[test]
-fn a_model_is_what_its_case_file_is() {
+fn a_model_equals_its_case_file() {
     let model = Model::on(blocks())
         .material_in("low", STEEL)
         .material_in("up", RUBBER)
@@ -184,7 +184,7 @@ fn a_body_without_supports_is_found_and_needs_a_contact() {
 }
 
 #[test]
-fn errors_name_what_is_at_fault() {
+fn errors_name_the_part_at_fault() {
     let sound = || {
         Model::on(blocks())
             .material(STEEL)
@@ -220,21 +220,21 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().thickness(1e-310),
-            "thickness: thickness is 1e-310: what is not 0 has to be between 1e-70 and 1e70",
+            "thickness: thickness is 1e-310: nonzero values must be between 1e-70 and 1e70",
         ),
         (
             Model::on(blocks()).material(Material {
                 young: 1e-310,
                 ..STEEL
             }),
-            "material 1: young is 1e-310: what is not 0 has to be",
+            "material 1: young is 1e-310: nonzero values must be",
         ),
         (
             Model::on(blocks()).material(Material {
                 young: 1e300,
                 ..STEEL
             }),
-            "material 1: young is 1e300: what is not 0 has to be",
+            "material 1: young is 1e300: nonzero values must be",
         ),
         (
             sound().traction(Traction::on("up-left").x(1e-310)),
@@ -298,11 +298,11 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().contact(Pair::new("low-top", "up-bottom")),
-            "contact 2 on \"low-top\": this contact stands above",
+            "contact 2 on \"low-top\": this pair is already listed above",
         ),
         (
             sound().contact(Pair::new("up-left", ["up-top", "up-left"])),
-            "contact 2 on \"up-left\": a boundary stands on both sides",
+            "contact 2 on \"up-left\": a boundary is on both sides",
         ),
         (
             sound().contact(Pair::obstacle("up-left", floor([0.0; 2]))),
@@ -326,7 +326,7 @@ fn errors_name_what_is_at_fault() {
         ),
         (
             sound().support(Support::on("low-left").x(0.0).factors([1.0, 2.0])),
-            "support 3 on \"low-left\": factors belong to load steps",
+            "support 3 on \"low-left\": factors apply to load steps",
         ),
         (
             sound()
@@ -368,7 +368,7 @@ fn errors_name_what_is_at_fault() {
 }
 
 #[test]
-fn a_case_says_which_line() {
+fn a_case_names_the_line() {
     let error = |text: &str| match Case::parse(Path::new("c.toml"), text.to_owned(), &[]) {
         Err(error) => error.to_string(),
         Ok(case) => match case.build() {

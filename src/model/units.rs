@@ -1,4 +1,4 @@
-//! What lengths, forces and stresses are called: labels, no conversion.
+//! The names of lengths, forces and stresses: labels, no conversion.
 
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -22,7 +22,7 @@ impl Default for Units {
 }
 
 impl Units {
-    /// Those of numbers that nobody has told the units of.
+    /// Labels for numbers without stated units.
     pub fn untold() -> Self {
         Self {
             length: String::new(),
@@ -38,7 +38,7 @@ impl Units {
         }
     }
 
-    /// A unit behind what it is that of, in brackets if there is one.
+    /// A unit after its quantity, in brackets if there is one.
     pub fn named(what: &str, unit: &str) -> String {
         match unit {
             "" => what.to_owned(),
@@ -51,7 +51,8 @@ impl Units {
         format!("{length:.3e}{}", Self::behind(&self.length))
     }
 
-    /// That of stresses, moduli and pressures: the name of force per area where it has one; none if one of the two is not told.
+    /// The unit of stresses, moduli and pressures: the name of force per area if it has one; empty if one of the two is not
+    /// stated.
     pub fn stress(&self) -> String {
         let name = match (self.force.as_str(), self.length.as_str()) {
             ("N", "m") => "Pa",
@@ -88,7 +89,7 @@ impl Units {
         }
     }
 
-    /// What is wrong with the labels, if anything.
+    /// The fault of the labels, if any.
     pub(crate) fn fault(&self) -> Option<String> {
         [("length", &self.length), ("force", &self.force)]
             .into_iter()
@@ -125,7 +126,7 @@ impl Serialize for Units {
     }
 }
 
-/// As they are read, without what follows from them.
+/// The labels as they were read, without derived ones.
 pub(super) fn labels<S: Serializer>(units: &Option<Units>, to: S) -> Result<S::Ok, S::Error> {
     match units {
         Some(units) => to.collect_map([("length", &units.length), ("force", &units.force)]),

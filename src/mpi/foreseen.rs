@@ -1,4 +1,4 @@
-//! What ranks would have, before anything is divided.
+//! A forecast of each rank's part, before anything is divided.
 
 use super::partition;
 use super::share::MpiError;
@@ -8,10 +8,10 @@ use crate::model::Draft;
 use crate::model::share::{Graph, freedoms};
 use crate::problem::ContactProblem;
 
-/// How so many ranks would share a problem.
+/// The distribution of a problem among so many ranks.
 #[derive(Clone, Debug)]
 pub struct Foreseen {
-    /// Of each rank its unknowns, and the mebibytes of the process, about.
+    /// For each rank its unknowns, and roughly the mebibytes of the process.
     pub ranks: Vec<(usize, f64)>,
     /// The bodies that only contact holds, and how they could move as a whole, in words; of a model.
     pub floating_bodies: Vec<String>,
@@ -55,7 +55,7 @@ fn too_large() -> MpiError {
     MpiError::Partition("the mesh is too large for METIS's 32-bit numbers".to_owned())
 }
 
-/// What each rank gets of a graph whose nodes have D unknowns each, or none.
+/// The part of each rank in a graph whose nodes have D unknowns each, or none.
 fn shares<const D: usize>(
     mut graph: Graph,
     has_block: impl Fn(usize) -> bool,
@@ -77,8 +77,8 @@ fn shares<const D: usize>(
         .collect())
 }
 
-/// Bytes of a rank for each entry of its rows of K, all levels of multigrid and what it takes to make them included: reference
-/// case C with n = 313 632 has 81 entries a row and takes 2.44 kB an unknown on two ranks.
+/// Bytes of a rank for each entry of its rows of K, including all levels of multigrid and their set-up: reference case C with
+/// n = 313 632 has 81 entries a row and takes 2.44 kB an unknown on two ranks.
 const BYTES: f64 = 30.0;
 /// Mebibytes of a rank that has no unknowns: MPI, PETSc, and the program.
 const ALONE: f64 = 57.0;

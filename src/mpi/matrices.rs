@@ -12,15 +12,15 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What a rank has of the matrices and vectors of a contact problem in D dimensions: the rows of K of its nodes, each with D unknowns,
-/// and what belongs to these. Unknowns are counted over the ranks, those of rank 0 first; multipliers, gaps and bounds are those of
-/// all ranks, the same on each.
+/// A rank's part of the matrices and vectors of a contact problem in D dimensions: the rows of K of its nodes, each with D
+/// unknowns, and their data. Unknowns are counted over the ranks, those of rank 0 first; multipliers, gaps and bounds are complete
+/// and the same on each rank.
 ///
 /// K has to be positive definite: bodies that can move as a whole are found by [`Share::of_model`](super::Share::of_model) and
 /// [`Share::of_problem`](super::Share::of_problem).
 #[derive(Clone, Debug, Default)]
 pub struct OwnMatrices<const D: usize> {
-    /// Where each own row of K starts among the entries, and where the last one ends.
+    /// The start of each own row of K among the entries, and the end of the last one.
     pub starts: Vec<usize>,
     /// Columns of all ranks.
     pub columns: Vec<u64>,
@@ -30,7 +30,7 @@ pub struct OwnMatrices<const D: usize> {
     pub load: Vec<f64>,
     /// Entries of N in the columns of own unknowns: row, column counted from the first own one, value.
     pub normal: Vec<(usize, usize, f64)>,
-    /// Those of T, which has D − 1 rows for each of N.
+    /// The entries of T, which has D − 1 rows for each of N.
     pub tangential: Vec<(usize, usize, f64)>,
     /// d, length m.
     pub gap: Vec<f64>,
@@ -42,10 +42,10 @@ pub struct OwnMatrices<const D: usize> {
     pub coordinates: Option<Vec<[f64; D]>>,
 }
 
-/// What a problem of one machine has more.
+/// The additional data of a problem on one machine.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct More {
-    /// Unknowns that are not there to complete a block, and those that are free.
+    /// The number of unknowns that do not merely complete a block, and the number of free ones.
     n: Option<[usize; 2]>,
     slip_origin: Vec<f64>,
     areas: Vec<f64>,
@@ -75,7 +75,7 @@ pub(super) struct Made<const D: usize> {
 }
 
 impl<const D: usize> OwnMatrices<D> {
-    /// What is wrong with it, as far as that shows on one rank.
+    /// Its fault, as far as one rank can see.
     fn fault(&self, n: usize) -> Option<String> {
         let (own, m) = (self.load.len(), self.gap.len());
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
@@ -92,7 +92,7 @@ impl<const D: usize> OwnMatrices<D> {
             || self.columns.len() != self.values.len()
         {
             format!(
-                "starts, columns and values are not those of {own} rows of K, as many as load has entries"
+                "starts, columns and values do not describe {own} rows of K, one for each entry of load"
             )
         } else if self.columns.iter().any(|&column| column >= n as u64) {
             format!("a column of K is not below the {n} unknowns of all ranks")
@@ -112,7 +112,7 @@ impl<const D: usize> OwnMatrices<D> {
             || !finite(&self.friction)
             || !(self.slip_bound.iter().chain(&self.friction)).all(|&v| v >= 0.0)
         {
-            "gap has to be finite, friction finite and not negative, and slip_bound not negative"
+            "gap must be finite, friction finite and not negative, and slip_bound not negative"
                 .to_owned()
         } else if self
             .coordinates
@@ -126,7 +126,7 @@ impl<const D: usize> OwnMatrices<D> {
         Some(text)
     }
 
-    /// Checks it and finds out what is whose. Collective.
+    /// Checks it and determines the owners. Collective.
     pub(super) fn made(
         self,
         more: More,
@@ -138,7 +138,7 @@ impl<const D: usize> OwnMatrices<D> {
         let mut fault = self.fault(n);
         let m = self.gap.len();
         if fault.is_none() && group.counts(m).iter().any(|&other| other != m) {
-            fault = Some("gap has to be the same on all ranks".to_owned());
+            fault = Some("gap must be the same on all ranks".to_owned());
         }
         if group.any(fault.is_some()) {
             let text = fault.map_or_else(
@@ -258,7 +258,7 @@ fn connected<const D: usize>(
             break;
         }
     }
-    // A label that is a block's own number is that of a part.
+    // A label equal to a block's own number is that of a part.
     let own_label = |&(i, &label): &(usize, &f64)| label == first as f64 + i as f64;
     let roots: Vec<f64> = label[..own]
         .iter()
@@ -271,7 +271,7 @@ fn connected<const D: usize>(
     Ok(label[..own].iter().map(part).collect())
 }
 
-/// What a rank gets of a problem of one machine.
+/// The part of a rank in a problem on one machine.
 #[derive(Serialize, Deserialize)]
 struct Message {
     starts: Vec<usize>,
@@ -287,7 +287,7 @@ struct Message {
     more: More,
 }
 
-/// Divides a problem that rank 0 has: what each rank gets, and the numbers of its blocks there. Collective.
+/// Divides a problem on rank 0: the part of each rank, and the numbers of its blocks there. Collective.
 pub(super) fn divided<const D: usize>(
     group: &Group,
     problem: Option<ContactProblem<D>>,
@@ -334,7 +334,7 @@ pub(super) fn divided<const D: usize>(
     Ok((own, message.more, message.original))
 }
 
-/// What each rank gets of a problem whose blocks have these owners. (One text: a paragraph for each thing that it gets.)
+/// The part of each rank in a problem whose blocks have these owners. (One function: a paragraph for each of its data.)
 fn cut<const D: usize>(problem: &ContactProblem<D>, owners: &[u32], ranks: usize) -> Vec<Message> {
     let k = problem.stiffness();
     let mut blocks: Vec<Vec<u32>> = vec![Vec::new(); ranks];

@@ -19,21 +19,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// Times that a displacement is made more accurate for the sake of its ties, as on one machine.
+/// The number of refinements of a displacement for the sake of its ties, as on one machine.
 const MOST_PASSES: usize = 4;
 
-/// ‖r − αq‖² is known from sums that are made with pᵀq, up to the rounding of ‖r‖²: below this part of what was last added up it is
-/// added up again, so that it has ten digits.
+/// ‖r − αq‖² follows from sums made with pᵀq, up to the rounding of ‖r‖²: below this part of the last computed sum it is computed
+/// again, so that it has ten digits.
 const FAITHFUL: f64 = 1e-6;
 
-/// What stands before the options of the preconditioner, and before those of the one that is taken where it fails.
+/// The prefix of the options of the preconditioner, and that of the fallback preconditioner.
 const PREFIX: &str = "signorini_";
 const FALLBACK: &str = "signorini_fallback_";
 
-/// All that GAMG is asked for; its own defaults change from version to version. An aggregation without threshold, each smoothed
-/// once, coarsened twice as fast on the finest level; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc
+/// All options of GAMG; its own defaults change from version to version. An aggregation without threshold, each smoothed once,
+/// coarsened twice as fast on the finest level; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc
 /// estimates by ten steps of CG; the coarsest level, of at most 1000 unknowns, on one rank by a factor. Jacobi is the only
-/// smoother that neither fails on coarse levels nor depends on how many ranks there are.
+/// smoother that neither fails on coarse levels nor depends on the number of ranks.
 const OPTIONS: [(&str, &str); 25] = [
     ("-signorini_pc_type", "gamg"),
     ("-signorini_pc_gamg_type", "agg"),
@@ -47,8 +47,8 @@ const OPTIONS: [(&str, &str); 25] = [
     ("-signorini_pc_gamg_repartition", "false"),
     ("-signorini_pc_gamg_reuse_interpolation", "true"),
     ("-signorini_pc_gamg_use_sa_esteig", "true"),
-    // The other ways to make PᵀAP add up what comes from other ranks as it arrives: on four ranks coarse matrices, and with them the
-    // answer, then differ in the last bits from run to run. It takes a fifth less memory, and three times as long.
+    // The other ways to make PᵀAP add up contributions of other ranks as they arrive: on four ranks coarse matrices, and with them
+    // the answer, then differ in the last bits from run to run. This way takes a fifth less memory, and three times as long.
     ("-matptap_via", "allatonce_merged"),
     ("-signorini_pc_mg_type", "multiplicative"),
     ("-signorini_pc_mg_cycle_type", "v"),
@@ -82,7 +82,7 @@ pub(super) struct OwnRows<const D: usize> {
 /// When all ranks are to stop.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limits {
-    /// As rank 0's clock has it.
+    /// By rank 0's clock.
     pub deadline: Option<Instant>,
     /// On any rank.
     pub interrupt: Option<Arc<AtomicBool>>,
@@ -98,7 +98,7 @@ pub(super) struct Distributed {
     load_norm: f64,
     matrix: Rc<Matrix>,
     preconditioner: petsc::Preconditioner,
-    /// What it is, for a log, and why it is no multigrid where that was asked for.
+    /// Its description for a log, and the reason why it is not multigrid although that was requested.
     about: String,
     fallback: Option<String>,
     ghosts: Ghosts,
@@ -119,7 +119,7 @@ pub(super) struct Distributed {
     product: Vec<f64>,
     falls: Falls,
     counts: SolveCounts,
-    /// When to stop; a product only asks whether its caller may be stopped at all.
+    /// The stop; a product only asks whether its caller may be stopped at all.
     pub limits: Limits,
 }
 
@@ -130,7 +130,7 @@ impl From<PetscError> for DualError {
 }
 
 impl Distributed {
-    /// Hands K to PETSc and sets up the preconditioner.
+    /// Passes K to PETSc and sets up the preconditioner.
     pub fn new<const D: usize>(
         group: &Arc<Group>,
         problem: &ContactProblem<D, Elsewhere>,
@@ -174,7 +174,7 @@ impl Distributed {
             }
             Preconditioner::Multigrid => {
                 let made = petsc::Preconditioner::new(group, &matrix, PREFIX);
-                // What fails on one rank is of no use to the others.
+                // A failure on one rank makes the others useless.
                 match group.any(made.is_err()) {
                     false => (made, None),
                     true => {
@@ -226,8 +226,8 @@ impl Distributed {
             z: matrix.vector()?,
             u: vec![0.0; D * count],
             product: vec![0.0; D * count],
-            // GAMG leaves smooth errors that our own multigrid knows: with products taken for as accurate as that makes them, contact
-            // takes up to twice the steps on stretched meshes.
+            // GAMG leaves smooth errors that our own multigrid removes: with products that have them, contact takes up to twice the
+            // steps on stretched meshes.
             falls: Falls::new(false, is_multigrid),
             counts: SolveCounts::default(),
             limits: Limits::default(),
@@ -237,7 +237,7 @@ impl Distributed {
         })
     }
 
-    /// What applies K⁻¹, for a log, and why it is no multigrid where that was asked for.
+    /// The operator for K⁻¹, for a log, and the reason why it is not multigrid although that was requested.
     pub fn about(&self) -> (&str, Option<&str>) {
         (&self.about, self.fallback.as_deref())
     }
@@ -298,9 +298,9 @@ impl Distributed {
         Ok(([pq, rq, qq], stopped))
     }
 
-    /// CG for K x = b from `x`, where `r` is b − K x; both as long as this rank has unknowns, and `rr` is ‖r‖² over all ranks. What
-    /// it has reached is in x, also where it has failed. The same steps and the same decisions as those of `stiffness::pcg`,
-    /// looked at after each iteration.
+    /// CG for K x = b from `x`, where `r` is b − K x; both with an entry per unknown of this rank, and `rr` is ‖r‖² over all ranks.
+    /// The result so far is in x, even after a failure. The steps and decisions are those of `stiffness::pcg`, checked after each
+    /// iteration.
     fn run(
         &mut self,
         r: &[f64],
@@ -380,8 +380,8 @@ impl Distributed {
         Ok(())
     }
 
-    /// Solves K u = f − Bᵀλ from the u of the last time; and y = B u. A residual is meant as it is, not relative to the
-    /// right-hand side.
+    /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
+    /// the right-hand side.
     fn follow(
         &mut self,
         lambda: &[f64],
@@ -405,7 +405,7 @@ impl Distributed {
         let [rr, contact] = sums;
         let terms = self.load_norm.max(contact.sqrt());
         if terms == 0.0 {
-            // What CG leaves of a u that ought to vanish would shrink for ever.
+            // The error that CG leaves in a vanishing u would have to shrink for ever.
             u.fill(0.0);
             self.u = u;
             y.fill(0.0);
@@ -417,8 +417,8 @@ impl Distributed {
                 ..Run::default()
             },
             accuracy => Run {
-                // What is left of forces that cancel is rounding: without a floor the residual of a u that follows would
-                // have to shrink from step to step.
+                // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
+                // shrink from step to step.
                 residual: UNREACHABLE * terms,
                 ..self.falls.run_to(accuracy, 1.0)
             },
@@ -514,7 +514,7 @@ impl DualOperator for Distributed {
         let mut asked = residual;
         for _ in 0..MOST_PASSES {
             self.follow(lambda, &mut y, 0.0, Accuracy::Residual(asked), stop)?;
-            // What CG leaves unbalanced all over a body, its ties hold in a few places.
+            // An imbalance that CG leaves all over a body is held by its ties in a few places.
             let held = (self.ties.iter()).map(|&(i, tie)| (tie * self.u[i as usize]).powi(2));
             if self.sum(held.sum()).sqrt() <= residual {
                 break;
@@ -565,7 +565,7 @@ impl DualOperator for Distributed {
 }
 
 impl Distributed {
-    /// Goes on with the f of a load case: all ranks are handed another one at the same time, if its own part has changed or not.
+    /// Takes the f of a load case: all ranks get another one at the same time, even if their own part has not changed.
     fn take(&mut self, load: &LoadCase) {
         if Arc::ptr_eq(&self.load, load.force()) {
             return;

@@ -1,4 +1,4 @@
-//! Which rank has which node: METIS divides the graph of the nodes so that ranks have about the same work and few neighbours.
+//! The owner of each node: METIS divides the graph of the nodes so that ranks have about the same work and few neighbours.
 
 use crate::model::share::Graph;
 
@@ -8,7 +8,7 @@ pub(super) fn owners(graph: &mut Graph, ranks: usize) -> Result<Vec<u32>, String
     if ranks == 1 {
         return Ok(vec![0; nodes]);
     }
-    // Where there are hardly more nodes than ranks there is nothing to divide.
+    // With hardly more nodes than ranks there is nothing to divide.
     if nodes <= 2 * ranks {
         return Ok((0..nodes).map(|node| (node % ranks) as u32).collect());
     }

@@ -1,4 +1,4 @@
-//! What of PETSc is used, with owners that give it back: the only place where its C interface is called.
+//! The parts of PETSc in use, with owners that release them: the only place where its C interface is called.
 //!
 //! `build.rs` writes the interface from PETSc's own headers. Every call is collective unless it is about local values.
 
@@ -24,7 +24,7 @@ mod sys {
 
 use sys::PetscInt as Int;
 
-/// PETSC_DECIDE: what follows from the sizes on all ranks.
+/// PETSC_DECIDE: PETSc derives it from the sizes on all ranks.
 const DECIDE: Int = -1;
 
 /// PETSc has failed.
@@ -33,7 +33,7 @@ const DECIDE: Int = -1;
 pub struct PetscError(String);
 
 thread_local! {
-    /// What PETSc has said about the last error, where it was found first.
+    /// PETSc's message about the last error, from where it was detected first.
     static SAID: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
@@ -61,7 +61,7 @@ impl Flag for u32 {
     }
 }
 
-/// Takes down what an error is about, and lets the call return it: nothing is printed.
+/// Records the message of an error, and lets the call return it: nothing is printed.
 unsafe extern "C" fn take_down(
     _: mpi::ffi::MPI_Comm,
     _: c_int,
@@ -73,7 +73,7 @@ unsafe extern "C" fn take_down(
     _: *mut c_void,
 ) -> sys::PetscErrorCode {
     if kind == sys::PetscErrorType_PETSC_ERROR_INITIAL && !text.is_null() {
-        // SAFETY: PETSc hands over a C string.
+        // SAFETY: PETSc returns a C string.
         let text = unsafe { CStr::from_ptr(text) }.to_string_lossy();
         SAID.with(|said| text.trim().clone_into(&mut said.borrow_mut()));
     }
@@ -86,7 +86,7 @@ fn check(code: sys::PetscErrorCode) -> Result<(), PetscError> {
         return Ok(());
     }
     let mut text = null();
-    // SAFETY: `text` is set to a static string, or left as it is.
+    // SAFETY: `text` is set to a static string, or unchanged.
     let known =
         unsafe { sys::PetscErrorMessage(code, &mut text, null_mut()) } == 0 && !text.is_null();
     let mut message = format!("error {code}");
@@ -105,8 +105,8 @@ fn check(code: sys::PetscErrorCode) -> Result<(), PetscError> {
 /// A call, and its error if it has one.
 macro_rules! petsc {
     ($name:ident($($argument:expr),* $(,)?)) => {
-        // SAFETY: handles come from PETSc and live as long as their owners; arrays are as long as their sizes say, and places for
-        // results are variables of this function.
+        // SAFETY: handles come from PETSc and live as long as their owners; arrays have the stated sizes, and result pointers
+        // refer to variables of this function.
         check(unsafe { sys::$name($($argument),*) })?
     };
 }
@@ -119,14 +119,13 @@ fn text(text: &str) -> CString {
 fn int(n: usize) -> Result<Int, PetscError> {
     Int::try_from(n).map_err(|_| {
         PetscError(format!(
-            "{n} is more than this PETSc counts to: use one with 64-bit indices (--with-64-bit-indices; on Debian \
+            "{n} exceeds the indices of this PETSc: use one with 64-bit indices (--with-64-bit-indices; on Debian \
              libpetsc64-real-dev)"
         ))
     })
 }
 
-/// Starts PETSc where that has not been done. What it is asked for in the variable PETSC_OPTIONS comes before all that is stated
-/// here.
+/// Starts PETSc unless it is running. Options in the variable PETSC_OPTIONS override all options stated here.
 pub(super) fn start() -> Result<(), PetscError> {
     let mut is_on = Flag::of(false);
     petsc!(PetscInitialized(&mut is_on));
@@ -143,7 +142,8 @@ pub(super) fn start() -> Result<(), PetscError> {
 /// Ends PETSc; nothing of it may be used any more.
 pub(super) fn finish() {
     let mut is_on = Flag::of(false);
-    // SAFETY: a place for a flag; and whoever calls it has nothing of PETSc any more. An error has no consequence here.
+    // SAFETY: the pointer refers to a flag, and the caller holds nothing of PETSc any more. An error has no consequence
+    // here.
     unsafe {
         sys::PetscInitialized(&mut is_on);
         if is_on.is_on() {
@@ -163,7 +163,7 @@ pub(super) fn version() -> String {
     )
 }
 
-/// Options of PETSc, where whoever started the program has not said something else in PETSC_OPTIONS.
+/// Sets options of PETSc, unless the user has set them in PETSC_OPTIONS.
 pub(super) fn set_options(options: &[(&str, &str)]) -> Result<(), PetscError> {
     for (name, value) in options {
         let (name, value) = (text(name), text(value));
@@ -185,7 +185,7 @@ pub(super) fn set_options(options: &[(&str, &str)]) -> Result<(), PetscError> {
     Ok(())
 }
 
-/// A vector of which each rank has some blocks; as `Ghosts`, with copies of some of others.
+/// A distributed vector with some blocks on each rank; as `Ghosts`, with copies of some blocks of others.
 pub(super) struct Vector {
     raw: sys::Vec,
 }
@@ -217,7 +217,7 @@ fn with_array<T>(raw: sys::Vec, work: impl FnOnce(&mut [f64]) -> T) -> Result<T,
     let made = if len == 0 {
         work(&mut [])
     } else {
-        // SAFETY: PETSc says that so many numbers are there, and nobody else uses them until they are given back.
+        // SAFETY: PETSc guarantees so many numbers, and nobody else uses them until they are released.
         work(unsafe { std::slice::from_raw_parts_mut(values, len as usize) })
     };
     petsc!(VecRestoreArray(raw, &mut values));
@@ -256,7 +256,7 @@ impl Ghosts {
         })
     }
 
-    /// Takes the copies from their owners: the first of the values are the own ones, behind them stand the copies.
+    /// Updates the copies from their owners: the own values come first, the copies after them.
     pub fn update(&mut self, values: &mut [f64]) -> Result<(), PetscError> {
         let own = self.own;
         self.vector.write(|to| to.copy_from_slice(&values[..own]))?;
@@ -275,7 +275,7 @@ impl Ghosts {
     }
 }
 
-/// A square matrix in blocks, of which each rank has some rows.
+/// A square matrix in blocks with some rows on each rank.
 pub(super) struct Matrix {
     raw: sys::Mat,
     block: usize,
@@ -293,8 +293,8 @@ impl Drop for Matrix {
 }
 
 impl Matrix {
-    /// From the block rows of this rank, each with the numbers of its columns and the blocks there, by rows. `counts` has for each
-    /// row how many of its blocks stand in columns of own nodes and in others.
+    /// From the block rows of this rank, each with the numbers of its columns and the blocks there, by rows. `counts` has, for
+    /// each row, the number of its blocks in columns of own nodes and in others.
     pub fn new<'a, const D: usize>(
         group: &Group,
         first: usize,
@@ -374,7 +374,7 @@ impl Matrix {
         Ok(())
     }
 
-    /// Hands over the entries of each own row: its number among the own ones, the numbers of the columns, the values.
+    /// Passes the entries of each own row: its number among the own ones, the numbers of the columns, the values.
     pub fn for_rows(&self, mut take: impl FnMut(usize, &[Int], &[f64])) -> Result<(), PetscError> {
         for row in 0..self.block * self.own {
             let number = int(self.block * self.first + row)?;
@@ -387,7 +387,7 @@ impl Matrix {
                 &mut values
             ));
             if count > 0 {
-                // SAFETY: PETSc says that so many are there, until they are given back.
+                // SAFETY: PETSc guarantees so many numbers, until they are released.
                 let (columns, values) = unsafe {
                     (
                         std::slice::from_raw_parts(columns, count as usize),
@@ -407,7 +407,7 @@ impl Matrix {
         Ok(())
     }
 
-    /// Tells the points that its block rows belong to, which say how it moves without strain.
+    /// Sets the points of its block rows, which define its rigid-body motions.
     pub fn set_points<const D: usize>(&mut self, points: &[[f64; D]]) -> Result<(), PetscError> {
         let mut places = self.vector()?;
         petsc!(VecSetBlockSize(places.raw, int(D)?));
@@ -435,7 +435,7 @@ impl Drop for Preconditioner {
 }
 
 impl Preconditioner {
-    /// As the options with this prefix say.
+    /// With the options of this prefix.
     pub fn new(group: &Group, matrix: &Rc<Matrix>, prefix: &str) -> Result<Self, PetscError> {
         let mut raw = null_mut();
         petsc!(PCCreate(group.communicator().as_raw(), &mut raw));
@@ -464,11 +464,11 @@ impl Preconditioner {
         Ok(())
     }
 
-    /// What it is, as the options call it.
+    /// Its kind, in the words of the options.
     pub fn kind(&self) -> Result<String, PetscError> {
         let mut kind = null();
         petsc!(PCGetType(self.raw, &mut kind));
-        // SAFETY: PETSc hands over a C string.
+        // SAFETY: PETSc returns a C string.
         Ok(unsafe { CStr::from_ptr(kind) }
             .to_string_lossy()
             .into_owned())

@@ -33,15 +33,15 @@ pub enum ResultsError {
     /// Another rank could not write a file, and has the error.
     #[error("another rank could not write its results")]
     Elsewhere,
-    /// PETSc has failed, maybe on this rank alone: end all of them.
+    /// PETSc has failed, perhaps only on this rank: end all of them.
     #[error(transparent)]
     Petsc(#[from] PetscError),
 }
 
-/// How the ranks have shared the work, as report.json says it.
+/// The distribution of the work among the ranks, as in report.json.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RanksReport {
-    /// How many there were.
+    /// The number of ranks.
     pub count: usize,
     /// Unknowns and elements of each, and the seconds to get there.
     #[serde(flatten)]
@@ -50,7 +50,7 @@ pub struct RanksReport {
     pub imbalance: f64,
     /// The largest resident size of each.
     pub peak_memory_mib: Vec<f64>,
-    /// Sums over all unknowns and what is like them, and the seconds that rank 0 has spent in them, waiting included.
+    /// The number of collective sums over all unknowns, and the seconds that rank 0 spent in them, including waiting.
     pub reductions: u64,
     /// The seconds.
     pub reduction_seconds: f64,
@@ -68,7 +68,7 @@ where
     n_steps: usize,
     directory: PathBuf,
     begin: Instant,
-    /// What `report.json` is going to say; on rank 0.
+    /// The future `report.json`; on rank 0.
     pub report: Report,
     files: Vec<PathBuf>,
 }
@@ -77,7 +77,8 @@ impl<const D: usize> Results<D>
 where
     ElementKind: Space<D>,
 {
-    /// Of a run that is about to begin, as [`crate::output::Results::new`]. `inputs` is what the run reads.
+    /// For a run that is about to begin, like [`crate::output::Results::new`]. `inputs` are the files that the run
+    /// reads.
     ///
     /// # Errors
     /// If files cannot be written or removed there.
@@ -119,7 +120,7 @@ where
         })
     }
 
-    /// Says when the run has begun, where it was before [`Results::new`].
+    /// Sets the beginning of the run, if it was before [`Results::new`].
     pub fn set_begin(&mut self, begin: Instant) {
         self.begin = begin;
     }
@@ -215,7 +216,7 @@ where
         })
     }
 
-    /// How far the sides of each contact between bodies have moved against each other.
+    /// The largest relative motion of the sides of each contact between bodies.
     fn apart(&self, bodies: &Bodies<D>, of: &OfBodies<D>) -> Vec<f64> {
         let moved = |nodes: &Vec<u32>| {
             let here = nodes
@@ -231,7 +232,7 @@ where
         bodies.received.part.pair_nodes.iter().map(moved).collect()
     }
 
-    /// What the supports carry, of all ranks.
+    /// The forces on the supports, over all ranks.
     fn supports(&self, of: &OfBodies<D>, solution: &StepSolution<D>) -> Vec<SupportReport> {
         let mut supports = support_reports(of, solution);
         for support in &mut supports {
@@ -297,8 +298,8 @@ where
         Ok(())
     }
 
-    /// Adds to the report how the work was shared and what it has cost. Where the run has converged, the V-cycles of one linear
-    /// solve are counted beside.
+    /// Adds the distribution of the work and its costs to the report. If the run has converged, the V-cycles of one linear
+    /// solve are counted too.
     ///
     /// # Errors
     /// If PETSc fails in that.
@@ -329,8 +330,8 @@ where
         });
     }
 
-    /// Writes the report; returns what rank 0 has written, and pieces are not among it. [`Report::fail`] comes first where an error
-    /// has ended the run.
+    /// Writes the report; returns the files of rank 0, without the pieces of the others. After an error, call [`Report::fail`]
+    /// first.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -345,7 +346,7 @@ where
     }
 }
 
-/// What a rank has written, unless any could not.
+/// The files of a rank, unless any rank could not write.
 fn agreed<T>(group: &Group, made: Result<T, OutputError>) -> Result<T, ResultsError> {
     match (group.any(made.is_err()), made) {
         (_, Err(error)) => Err(error.into()),

@@ -1,4 +1,4 @@
-//! A rank's share of what is to be solved, and its load steps.
+//! A rank's share of a model or problem, and its load steps.
 
 use super::matrices::{self, More, OwnMatrices};
 use super::operator::{Distributed, Limits, OwnRows};
@@ -27,19 +27,19 @@ use std::time::Instant;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MpiError {
-    /// The model cannot be meant. On rank 0 alone.
+    /// The model is inconsistent. Only on rank 0.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The nodes could not be divided among the ranks. On rank 0 alone.
+    /// The nodes could not be divided among the ranks. Only on rank 0.
     #[error("the nodes cannot be divided among the ranks: {0}")]
     Partition(String),
-    /// What is wrong shows on rank 0, which has the error.
-    #[error("rank 0 has met an error")]
+    /// Rank 0 has the error with the cause.
+    #[error("rank 0 failed")]
     Elsewhere,
-    /// What the ranks hand over does not fit together.
+    /// The data of the ranks do not fit together.
     #[error("{0}")]
     Rows(String),
-    /// PETSc has failed, maybe on this rank alone: end all of them.
+    /// PETSc has failed, perhaps only on this rank: end all of them.
     #[error(transparent)]
     Petsc(#[from] PetscError),
     /// A load step could not be made. On all ranks, unless PETSc has failed.
@@ -47,7 +47,7 @@ pub enum MpiError {
     Solve(#[from] solve::Error),
     /// Multipliers are no longer the same on all ranks, which must not happen.
     #[error(
-        "the ranks have come to different contact forces: this is a fault of the program, or of the machine"
+        "the ranks computed different contact forces: this is a fault of the program or of the machine"
     )]
     Apart,
 }
@@ -65,7 +65,7 @@ impl MpiError {
     }
 }
 
-/// How unknowns and elements are divided among the ranks.
+/// The distribution of unknowns and elements among the ranks.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Imbalance {
     /// Unknowns of each rank.
@@ -98,11 +98,11 @@ where
     ElementKind: Topology<D>,
 {
     pub received: Received<D>,
-    /// Seconds of rank 0 up to here, of which those for the contacts.
+    /// Seconds of rank 0 up to here, and those for the contacts among them.
     pub seconds: [f64; 2],
 }
 
-/// What this rank has of a contact problem, with what applies K⁻¹ on all of them.
+/// This rank's part of a contact problem, with the operator for K⁻¹ on all of them.
 pub struct Share<const D: usize>
 where
     ElementKind: Topology<D>,
@@ -142,11 +142,11 @@ impl<const D: usize> Share<D>
 where
     ElementKind: Space<D>,
 {
-    /// Divides a model, which rank 0 has and lets go of, among the ranks: each gets its nodes with the elements around them,
-    /// and makes its rows of K.
+    /// Divides a model, which rank 0 passes in, among the ranks: each gets its nodes with the elements around them, and
+    /// makes its rows of K.
     ///
     /// # Errors
-    /// On rank 0 what is wrong with the model; [`MpiError::Elsewhere`] on the others.
+    /// On rank 0 the fault of the model; [`MpiError::Elsewhere`] on the others.
     ///
     /// # Panics
     /// If rank 0 has no model.
@@ -283,10 +283,10 @@ where
         Ok(share)
     }
 
-    /// Takes what each rank has of K, f and B.
+    /// Takes each rank's part of K, f and B.
     ///
     /// # Errors
-    /// If it does not fit together, or an entry is not finite; on all ranks.
+    /// If the parts do not fit together, or an entry is not finite; on all ranks.
     pub fn of_rows(
         group: &Arc<Group>,
         own: OwnMatrices<D>,
@@ -352,8 +352,8 @@ where
         })
     }
 
-    /// The system as this rank sees it: what is as long as K has rows is what belongs to its own unknowns, and so are u and f
-    /// wherever they are handed over.
+    /// The system as this rank sees it: vectors with an entry per row of K have the entries of its own unknowns, and so have
+    /// u and f wherever they are passed.
     pub fn system(&self) -> &System<D> {
         &self.problem
     }
@@ -363,12 +363,12 @@ where
         &self.group
     }
 
-    /// How unknowns and elements are divided, with seconds; complete on rank 0.
+    /// The distribution of unknowns and elements, with seconds; complete on rank 0.
     pub fn division(&self) -> &Imbalance {
         &self.division
     }
 
-    /// What applies K⁻¹, for a log, and why it is no multigrid where that was asked for.
+    /// The operator for K⁻¹, for a log, and the reason why it is not multigrid although that was requested.
     pub fn about(&self) -> (&str, Option<&str>) {
         self.dual.about()
     }
@@ -392,7 +392,7 @@ where
         bodies.map_or(1, |bodies| bodies.received.common.steps.len())
     }
 
-    /// What K⁻¹ has cost so far.
+    /// The costs of K⁻¹ so far.
     pub fn costs(&self) -> Costs {
         self.dual.costs().unwrap_or_default()
     }
@@ -405,12 +405,12 @@ where
         self.dual.linear_iterations(tolerance)
     }
 
-    /// Makes the load steps one after another, as [`crate::model::Analysis::solve_on`] does. The settings have to be the same on all
-    /// ranks. The time limit is a matter of rank 0's clock; `interrupt` on any rank stops all of them. The observer has to say the
+    /// Makes the load steps one after another, as [`crate::model::Analysis::solve_on`] does. The settings have to be the same on
+    /// all ranks. Rank 0's clock decides the time limit; `interrupt` on any rank stops all of them. The observer has to answer the
     /// same on all ranks.
     ///
     /// # Errors
-    /// If a setting makes no sense or K⁻¹ fails.
+    /// If a setting is invalid or K⁻¹ fails.
     pub fn solve(
         &mut self,
         settings: &StepSettings,
@@ -422,8 +422,8 @@ where
             deadline: limit.and_then(|limit| Instant::now().checked_add(limit)),
             interrupt,
         };
-        // When to stop is agreed on in the products, where all ranks are: no rank looks at its own clock. The flag, which nobody
-        // sets, says that it may be stopped.
+        // The ranks agree on stopping in the products, where all of them are: no rank looks at its own clock. The flag, which
+        // nobody sets, marks that stopping is possible.
         let mut settings = settings.clone();
         settings.ssnm.time_limit = None;
         settings.ssnm.interrupt = Some(Arc::default());
@@ -492,7 +492,7 @@ fn tie<const D: usize>(rows: &mut BlockCsr<D>, unknowns: &[u32]) -> Vec<(u32, f6
     unknowns.iter().map(tie).collect()
 }
 
-/// What shows of K before it is used.
+/// The faults of K that are visible before it is used.
 fn check_diagonal<const D: usize>(group: &Group, rows: &BlockCsr<D>) -> Result<(), MpiError> {
     let finite = rows
         .values()
@@ -511,10 +511,10 @@ fn check_diagonal<const D: usize>(group: &Group, rows: &BlockCsr<D>) -> Result<(
     }
 }
 
-/// Gives the system back what was freed: glibc keeps it, and the whole mesh is much of it.
+/// Returns freed memory to the system: glibc keeps it, and the whole mesh is a large part of it.
 fn give_back_freed() {
     #[cfg(all(feature = "cli", target_os = "linux", target_env = "gnu"))]
-    // SAFETY: it touches nothing but free memory.
+    // SAFETY: it touches only free memory.
     unsafe {
         libc::malloc_trim(0);
     }

@@ -28,7 +28,7 @@ pub enum ExportError {
     Solve(#[from] solve::Error),
     /// A load step has not converged, and the next one starts from its end.
     #[error(
-        "load step {step} has not converged, and those behind it start from its end: the cases up to this one are written"
+        "load step {step} has not converged, and later steps would start from it: the cases up to this one are written"
     )]
     NotConverged {
         /// Its number, from 1.
@@ -36,7 +36,7 @@ pub enum ExportError {
     },
 }
 
-/// The vectors and matrices of a case in a directory, and what they are called in its case file.
+/// The vectors and matrices of a case in a directory, and their names in its case file.
 struct Files<'a> {
     directory: &'a Path,
     written: Vec<PathBuf>,
@@ -51,7 +51,7 @@ impl Files<'_> {
         Ok(name)
     }
 
-    /// Writes a matrix, but for the columns, and rows of K, that were added to complete a block.
+    /// Writes a matrix without the columns, and rows of K, that were added to complete a block.
     fn matrix<I: Iterator<Item = (usize, usize, f64)>>(
         &mut self,
         name: &str,
@@ -70,13 +70,13 @@ impl Files<'_> {
     }
 }
 
-/// Writes each load step of a case as an algebraic case of its own with the same solution u and λ: `case.toml`, or
-/// `case-001.toml` … where there are several, and the files that these name. All but the first depend on the end of the step
-/// before, where slip is counted from: up to the last but one they are solved on the way. `log` is that of [`Engine::new`].
+/// Writes each load step of a case as a separate algebraic case with the same solution u and λ: `case.toml`, or
+/// `case-001.toml` … for several, and the files that these name. All but the first depend on the end of the step before, the
+/// origin of slip, so all but the last are solved. `log` is that of [`Engine::new`].
 ///
 /// # Errors
-/// If a file cannot be written, or would be written over one that the case is read from; if a step fails or does not converge.
-/// What was written before stays.
+/// If a file cannot be written, or would overwrite an input of the case; if a step fails or does not converge. Files written
+/// before stay.
 pub fn export<const D: usize>(
     directory: &Path,
     case: &Case,
@@ -191,7 +191,7 @@ where
     Ok(files.written)
 }
 
-/// The load of a step, and what contacts are in it, if that changes.
+/// The load of a step, and its contacts if these change.
 type OfStep = (Load, Option<Changes>);
 
 /// g or μ, and which nodes are tied.
@@ -221,7 +221,7 @@ fn laws<const D: usize, K>(
     Ok(())
 }
 
-/// What all load steps have in common: K, N, T, and the points; and, where contacts are the same in all of them, g or μ.
+/// The data common to all load steps: K, N, T, and the points; and g or μ where contacts are the same in all of them.
 fn shared_table<const D: usize>(
     files: &mut Files,
     problem: &ContactProblem<D>,

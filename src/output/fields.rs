@@ -1,4 +1,4 @@
-//! The fields of a step: displacements and stresses of the bodies, what happens at the contact nodes.
+//! The fields of a step: displacements and stresses of the bodies, and the fields at the contact nodes.
 
 use super::put;
 use crate::contact::{Space, pooled};
@@ -47,7 +47,7 @@ where
     }
 }
 
-/// What a contact node does.
+/// The state of a contact node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NodeStatus {
     /// It touches nothing.
@@ -75,21 +75,21 @@ impl NodeStatus {
     }
 }
 
-/// What happens at the m contact places, in the units of the case. Tangential fields have a component per node in the
-/// plane; in space those along the two tangents of a node stand side by side.
+/// The fields at the m contact places, in the units of the case. Tangential fields have a component per node in the
+/// plane; in space those along the two tangents of a node are adjacent.
 pub struct ContactFields<const D: usize = 2> {
     /// Gap after loading, d − Nu, length m; of compliant contact negative where it is pressed.
     pub gap: Vec<f64>,
-    /// Contact pressure λν / area, ≥ 0, length m: of places with little area beside that of the mesh together with those
-    /// next to them ([`crate::contact::ContactPlace::pool`]), as the tractions and bounds.
+    /// Contact pressure λν / area, ≥ 0, length m: places with little area compared with the mesh are pooled with their
+    /// neighbours ([`crate::contact::ContactPlace::pool`]), also in the tractions and bounds.
     pub pressure: Vec<f64>,
     /// Traction on the body along the tangents of [`crate::contact::ContactPlace::frame`] (in the plane ν turned
     /// counter-clockwise): −λτ / area, length (D − 1) m.
     pub traction: Vec<f64>,
     /// The slip bound g / area that the traction obeys, length m; 0 where a node is tied.
     pub bound: Vec<f64>,
-    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m; of compliant contact with what it gives
-    /// way by before it slips.
+    /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m; for compliant contact including its
+    /// elastic part before slip.
     pub slip: Vec<f64>,
     /// ν and the tangents of each node.
     frames: Vec<[[f64; D]; D]>,
@@ -247,7 +247,7 @@ where
             unit => format!(" [{unit}]"),
         };
         let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
-        // Where displacements are large, x and y are where a place is.
+        // With large displacements, x and y are the displaced position of a place.
         let rest: String = match elastic.is_large() {
             false => String::new(),
             true => ["x", "y", "z"][..D]
@@ -269,8 +269,8 @@ where
     }
 }
 
-/// The contact place that each node shows: its own; on a facet that is covered in part the one that has most of it. Of
-/// several the one with the largest pressure. Of all contacts, or of one.
+/// The contact place that each node shows: its own, or on a partly covered facet the one with the largest share in the
+/// node. Of several the one with the largest pressure. For all contacts, or for one.
 pub fn shown_at_nodes<const D: usize>(
     elastic: &Elastic<D>,
     contact: &ContactFields<D>,
@@ -285,7 +285,7 @@ where
             continue;
         }
         for &(node, weight) in place.own.iter().filter(|own| own.1 > 0.0) {
-            // A node that is a place has that one, whatever others have of it.
+            // A node that is a place shows that one, whatever share others have in it.
             let part = if place.node == Some(node) {
                 f64::INFINITY
             } else {

@@ -20,20 +20,20 @@ pub struct OutputError {
 }
 
 impl OutputError {
-    /// What has gone wrong with a path.
+    /// The error about a path.
     fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         |source| Self { path, source }
     }
 }
 
-/// Writes a file beside its place and moves it there: under its name there is the old file or the new one, never half
-/// of it.
+/// Writes a file beside its destination and moves it there: its name always refers to the complete old file or the
+/// complete new one.
 pub fn write_whole(path: &Path, contents: &[u8]) -> Result<(), OutputError> {
     whole_by(path, |to| to.write_all(contents))
 }
 
-/// The same for contents that are made as they are written.
+/// The same for contents that are generated during writing.
 fn whole_by(
     path: &Path,
     contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -43,7 +43,7 @@ fn whole_by(
         contents(&mut to)?;
         to.flush()
     };
-    // Pipes and devices are written as they are, and what a link points to stays in its place.
+    // Pipes and devices are written directly, and the target of a link stays in its place.
     let place = match std::fs::metadata(path) {
         Ok(there) if !there.is_file() => {
             return write(path).map_err(OutputError::at(path));
@@ -63,12 +63,13 @@ fn whole_by(
     written.map_err(OutputError::at(path))
 }
 
-/// Makes the directory of the results, tries whether files can be written there (not only after an hour), and removes
-/// the results of a run before, all that are called as this program calls them: a run may have fewer steps, or draw
-/// nothing. `inputs` is what the run reads.
+/// Makes the directory of the results, tests whether files can be written there (before an hour of solving, not after),
+/// and removes all results of an earlier run, recognised by their names: the new run may have fewer steps, or draw
+/// nothing. `inputs` are the files that the run reads.
 ///
 /// # Errors
-/// If files cannot be written or removed there; or, before anything is, if one of `inputs` is called like a result there.
+/// If files cannot be written or removed there; or, before anything is, if one of `inputs` has the name of a result
+/// there.
 pub fn prepare(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
     let path = directory.join(".signorini.part");
     std::fs::create_dir_all(directory).map_err(OutputError::at(directory))?;
@@ -79,15 +80,15 @@ pub fn prepare(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> 
     before.iter().try_for_each(|path| remove(path))
 }
 
-/// The files that say how a run has ended, with the text that they begin with: no mesh and no matrix begins so.
+/// The files that state how a run has ended, with their first bytes: no mesh and no matrix begins so.
 const REPORTS: [(&str, &[u8]); 2] = [("report.json", b"{"), ("report.html", b"<!")];
 
-/// Removes the files that say how the run before has ended, so that nobody takes it for the end of a run that fails before it
-/// has results. These stay, up to [`prepare`]: a slip in the new case shall not cost them. `inputs` is what the run reads,
-/// as far as that is known.
+/// Removes the files that state how the run before has ended, so that they cannot be mistaken for the end of a run that fails
+/// before it has results. The results stay until [`prepare`]: an error in the new case must not destroy them. `inputs` are
+/// the files that the run reads, as far as known.
 ///
 /// # Errors
-/// As [`prepare`]; where there is no such directory there is nothing to do.
+/// As [`prepare`]; a missing directory is not an error.
 pub fn withdraw(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
     let all = results(directory, inputs)?;
     for (name, begin) in REPORTS {
@@ -106,12 +107,12 @@ fn begins(path: &Path, begin: &[u8]) -> bool {
         && found == begin
 }
 
-/// The files of a directory that are called like results, if none of them is one of `inputs`.
+/// The files of a directory with names of results, if none of them is one of `inputs`.
 fn results(directory: &Path, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, OutputError> {
     refuse_inputs(directory, inputs, is_result)
 }
 
-/// The files of a directory that are called like what is to be written there, if none of them is one of `inputs`.
+/// The files of a directory with names of files to be written there, if none of them is one of `inputs`.
 ///
 /// # Errors
 /// If one is, or the directory cannot be read.
@@ -141,14 +142,14 @@ pub(super) fn refuse_inputs(
     match files.iter().find(is_input) {
         None => Ok(files),
         Some(path) => {
-            let text = "this run reads it, and what it writes is called so: choose another directory for that, or \
-                        another name for the file";
+            let text = "this run reads this file and would overwrite it with a result: choose another output \
+                        directory, or rename the file";
             Err(OutputError::at(path)(std::io::Error::other(text)))
         }
     }
 }
 
-/// Removes a result. What a link points to stays, empty, in its place.
+/// Removes a result. The target of a link stays in its place, empty.
 fn remove(path: &Path) -> Result<(), OutputError> {
     let removed = if path.is_symlink() {
         std::fs::write(path, b"")
@@ -158,7 +159,7 @@ fn remove(path: &Path) -> Result<(), OutputError> {
     removed.map_err(OutputError::at(path))
 }
 
-/// Whether a run calls a result so, or what it writes on the way to one.
+/// Whether this is the name of a result, or of a temporary file of one.
 fn is_result(name: &str) -> bool {
     const WHOLE: [&str; 8] = [
         "report.json",
@@ -170,7 +171,7 @@ fn is_result(name: &str) -> bool {
         "convergence.svg",
         "steps.svg",
     ];
-    // The number of a step has three digits or more; that of a contact begins with none of 0.
+    // The number of a step has three digits or more; that of a contact has no leading 0.
     let of_step = |text: &str| text.len() >= 3 && number(text);
     let of_contact = |text: &str| number(text) && !text.starts_with('0');
     let rest = |kind: &str, ending: &str| {
@@ -221,7 +222,7 @@ pub(crate) fn write(
     write_by(directory, name, |to| to.write_all(contents.as_ref()))
 }
 
-/// The same for contents that are made as they are written.
+/// The same for contents that are generated during writing.
 pub(super) fn write_by(
     directory: &Path,
     name: &str,
@@ -320,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_that_cannot_be_is_told_at_once() {
+    fn an_impossible_directory_is_reported_at_once() {
         let place = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
         let file = place.path().join("file");
         std::fs::write(&file, b"").unwrap_or_else(|error| panic!("{error}"));

@@ -1,4 +1,4 @@
-//! What the figures of a step suggest to look at: nothing here is an error.
+//! Hints: the figures of a step that deserve a look. None of them is an error.
 
 use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
@@ -10,7 +10,7 @@ use crate::model::{Elastic, PairData};
 use crate::rounding::DEPENDENT;
 use faer::Mat;
 
-/// So many nodes in contact at least, for a peak on one or two of them to be called unresolved.
+/// A peak on one or two nodes counts as unresolved if at least this many nodes are in contact.
 const RESOLVED: usize = 5;
 
 /// So many nodes without friction are the ends of a boundary in the plane, in space its rim, and nothing to speak of.
@@ -34,7 +34,8 @@ where
         let locked = material.is_projected(elastic.plane) && elements().any(|e| locks(e.kind()));
         locked.then(|| {
             format!(
-                "region {name}: {} of first order are far too stiff at ν = {}, and have no form for it: take order = 2, or {}",
+                "region {name}: first-order {} are far too stiff at ν = {}, and no formulation corrects them: take \
+                 order = 2, or {}",
                 if D == 2 { "triangles" } else { "tetrahedra" },
                 material.poisson,
                 if D == 2 { "quadrilaterals" } else { "hexahedra" },
@@ -43,12 +44,12 @@ where
     })
 }
 
-/// Bodies are told of that have turned so far that their lengths seem to grow by more than this part, 1/cos − 1, as nodes move along
-/// tangents where strains are small: 8.1°. It is the accuracy that is asked of strains; directions of loads and of normals are
-/// off by sin, 14 %.
+/// A hint names bodies that have turned so far that their lengths seem to grow by more than this part, 1/cos − 1, because nodes
+/// move along tangents under the small-strain assumption: 8.1°. This is the accuracy expected of strains; directions of loads and
+/// of normals are off by sin, 14 %.
 const TURNED: f64 = 0.01;
 
-/// The bodies that have turned by an angle that is not small.
+/// The bodies that have turned by a large angle.
 fn turned<const D: usize>(of: &OfBodies<D>) -> impl Iterator<Item = String>
 where
     ElementKind: Space<D>,
@@ -60,7 +61,7 @@ where
     for (node, &body) in part.iter().enumerate() {
         nodes[body as usize].push(node);
     }
-    // Round an axis nothing turns but the cross-section, with a strain round the axis to be seen elsewhere.
+    // A body of revolution cannot rotate; only its cross-section can, with a hoop strain visible elsewhere.
     let is_round = D == 2 && of.elastic.plane == Plane::Axisymmetric;
     nodes.retain(|_| !is_round);
     let of_body = move |nodes: Vec<usize>| {
@@ -99,8 +100,8 @@ where
             let region = mesh.elements.iter().find(|e| e.nodes().contains(&node));
             let name = region.map_or("", |e| &mesh.regions[e.region as usize]);
             format!(
-                "the body with region \"{name}\" has turned by {:.0}°: rotations are taken to be small, and lengths that turn so far seem to \
-                 grow by {:.0} %; what holds it, or the load, may not be as meant",
+                "the body with region \"{name}\" has turned by {:.0}°: rotations are assumed small, and lengths that \
+                 turn so far appear to grow by {:.0} %; check its supports and the load",
                 length(turn).atan().to_degrees(),
                 100.0 * grown
             )
@@ -120,12 +121,13 @@ where
         let mut elements = mesh.elements.iter().filter(|e| e.region == region);
         let any = elements.any(|e| e.kind().may_have_modes());
         (material.incompatible_modes && !any).then(|| {
-            format!("region {name}: incompatible modes are those of quadrilaterals and hexahedra of first order, and it has none")
+            format!("region {name}: incompatible modes exist in quadrilaterals and hexahedra of first order only, and \
+                     it has none")
         })
     })
 }
 
-/// How far the sides of each contact between bodies have moved against each other; both moving together do not come closer.
+/// The largest relative motion of the sides of each contact between bodies; moving together does not bring them closer.
 pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
 where
     ElementKind: Space<D>,
@@ -140,7 +142,8 @@ where
     of.elastic.pairs.iter().map(moved).collect()
 }
 
-/// Those of the mesh and of materials, then in the order of the contacts, whose sides have moved against each other by `apart`. (One text: a paragraph for each hint.)
+/// Those of the mesh and of materials, then in the order of the contacts, whose sides have moved against each other by `apart`.
+/// (One function: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(
     of: &OfBodies<D>,
     contacts: &[ContactReport],
@@ -161,7 +164,7 @@ where
     let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     let pairs = elastic.pairs.iter().zip(contacts).enumerate();
-    // What is tied neither opens nor rubs.
+    // A tie neither opens nor slides.
     for (number, (pair, contact)) in pairs.filter(|(_, (pair, _))| !pair.tied) {
         let name = format!("contact {}", pair.title());
         let rows = || (0..elastic.pair_of.len()).filter(|&i| elastic.pair_of[i] as usize == number);
@@ -174,7 +177,7 @@ where
                     units.long(least)
                 )
             } else {
-                format!("{name}: nothing is pressed, though some of it touches")
+                format!("{name}: nothing is pressed, although some of it touches")
             });
         }
         if touching >= RESOLVED && contact.peaks <= 2 {
@@ -189,8 +192,8 @@ where
         }
         if contact.max_pressure > softest {
             hints.push(format!(
-                "{name}: the pressure is above E of the softest material: are units, scale and load as meant? Strains \
-                 are taken to be small"
+                "{name}: the pressure exceeds E of the softest material, but strains are assumed small: check units, \
+                 scale and load"
             ));
         }
         let texts = [
@@ -202,7 +205,7 @@ where
         hints.extend(texts.map(|text| format!("{name}: {text}")));
         if pair.kept > rim::<D>(pair.places) {
             hints.push(format!(
-                "{name}: {} nodes get no friction, as supports keep them from sliding freely; what they would carry is \
+                "{name}: {} nodes get no friction, because supports keep them from sliding freely; their friction is \
                  missing in the forces of the contact and of the supports",
                 pair.kept
             ));
@@ -227,8 +230,8 @@ where
                 let apart = apart[number];
                 if apart > pair.search_distance {
                     hints.push(format!(
-                        "{name}: its sides move by up to {} against each other, more than the search \
-                         distance {}: what was farther apart has not been looked at; state search_distance",
+                        "{name}: its sides move by up to {} against each other, more than the search distance {}: \
+                         parts farther apart were not searched; state search_distance",
                         units.long(apart),
                         units.long(pair.search_distance)
                     ));

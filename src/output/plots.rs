@@ -32,13 +32,13 @@ pub use view::View;
 pub struct Picture {
     /// The name of its file, without `.svg`.
     pub name: String,
-    /// The load step it shows, from 1; None for the whole of them.
+    /// The load step that it shows, from 1; None for all steps.
     pub step: Option<usize>,
-    /// What it shows.
+    /// The title.
     pub title: String,
     /// The picture itself.
     pub svg: String,
-    /// What can be turned beside it in `report.html`.
+    /// Its rotatable view in `report.html`.
     pub view: Option<View>,
 }
 
@@ -47,7 +47,7 @@ pub trait Draw<const D: usize>: Space<D>
 where
     ElementKind: Space<D>,
 {
-    /// The deformed bodies under a title, and what can be turned of them.
+    /// The deformed bodies under a title, and their rotatable view.
     fn deformed(title: &str, bodies: &Bodies<D>) -> (String, Option<View>);
 
     /// A contact under a title.
@@ -84,7 +84,7 @@ where
             let (svg, view) = Self::deformed(&format!("{title}{of_step}"), &bodies);
             picture("deformed", usual, svg, view)
         };
-        // Nodes that move alike are no surface.
+        // Nodes that move alike have no surface.
         let drawn = pairs.par_iter().filter(|pair| !pair.is_of_nodes());
         let n_drawn = drawn.count();
         let all = pairs.par_iter().enumerate();

@@ -1,4 +1,4 @@
-//! What contacts and supports carry at the end of a step: resultants, moments, work.
+//! The forces of contacts and supports at the end of a step: resultants, moments, work.
 
 use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
@@ -10,36 +10,36 @@ use crate::quasistatic::StepSolution;
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// A pressure above this part of the largest is near it: beside the edge of a punch it falls to 0.6 of it from one node
-/// to the next, on any mesh.
+/// A pressure above this part of the largest is near it: next to the edge of a punch it falls to 0.6 of it from one
+/// node to the next, on any mesh.
 const PEAK: f64 = 0.7;
 
-/// What a contact carries at the end of a step.
+/// The forces of a contact at the end of a step.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ContactReport {
-    /// The name of its own that it has, if any.
+    /// Its own name, if any.
     pub name: Option<String>,
     /// The boundary that carries the multipliers.
     pub boundary: String,
-    /// The master boundary, or what kind of obstacle.
+    /// The master boundary, or the kind of obstacle.
     pub against: String,
     /// The law and its bound or coefficient.
     pub friction: String,
     /// The stiffness of the contact itself, where it is compliant.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<String>,
-    /// Resultant on the body of `boundary` along the axes, in the unit of force as all that follow.
+    /// Resultant on the body of `boundary` along the axes, in the unit of force, as are all that follow.
     pub force: Vec<f64>,
     /// Its moment about `centre`, in the unit of force times that of length: in the plane one number, about z; 0 of bodies of
     /// revolution.
     pub moment: Vec<f64>,
-    /// The centroid of what may come into contact.
+    /// The centroid of the part that may come into contact.
     pub centre: Vec<f64>,
     /// Σ λν.
     pub normal_force: f64,
     /// −Σ λτ: along the tangents, as the traction on the body; in space the length of the resultant of friction.
     pub tangential_force: f64,
-    /// What friction has dissipated in the step: Σ λτ · (slip since the step before), with λτ at its end.
+    /// The work that friction has dissipated in the step: Σ λτ · (slip since the step before), with λτ at its end.
     pub slipping_work: f64,
     /// The largest pressure of a place.
     pub max_pressure: f64,
@@ -61,7 +61,7 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
-    /// What pictures and the summary call it: its name or, where it has none, both sides.
+    /// Its name in pictures and the summary: its own or, without one, both sides.
     pub fn title(&self) -> String {
         match &self.name {
             Some(name) => name.clone(),
@@ -70,7 +70,7 @@ impl ContactReport {
     }
 }
 
-/// What a support, or an elastic foundation, carries at the end of a step.
+/// The force on a support, or on an elastic foundation, at the end of a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct SupportReport {
     /// Its name or, where it has none, its boundary, set of nodes or point; "…, foundation" of a foundation.
@@ -102,7 +102,7 @@ where
     })
 }
 
-/// The moment of a force at the end of an arm: about z in the plane, else about the axes; that of a ring is none.
+/// The moment of a force at the end of an arm: about z in the plane, otherwise about the axes; zero for a ring.
 fn moment<const D: usize>(plane: Plane, arm: [f64; D], force: [f64; D]) -> Vec<f64> {
     let about = |a: usize, b: usize| arm[a] * force[b] - arm[b] * force[a];
     match D {
@@ -119,7 +119,7 @@ fn add(sum: &mut [f64], more: &[f64]) {
         .for_each(|(sum, more)| *sum += more);
 }
 
-/// The centroids of what the pairs may touch with.
+/// The centroids of the parts of the pairs that may touch.
 fn pair_centres<const D: usize>(elastic: &Elastic<D>) -> Vec<[f64; D]>
 where
     ElementKind: Topology<D>,
@@ -135,7 +135,7 @@ where
         .collect()
 }
 
-/// What the contacts carry; `before` is the slip at the beginning of the step, empty where it begins from rest.
+/// The forces of the contacts; `before` is the slip at the beginning of the step, empty if it begins from rest.
 pub(super) fn contact_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,
@@ -175,7 +175,7 @@ where
             &moment(elastic.plane, minus(place, centres[pair]), whole),
         );
         for k in (D - 1) * i..(D - 1) * (i + 1) {
-            // What a compliant contact gives way by comes back.
+            // The elastic part of a compliant contact is recovered.
             let slip = match elastic.contact.compliance.is_empty() {
                 _ if fields.status(i) == NodeStatus::Tied => 0.0,
                 true => fields.slip[k] - before.get(k).copied().unwrap_or(0.0),
@@ -217,7 +217,7 @@ where
     contacts
 }
 
-/// What the supports carry: inner forces less all others at the nodes that they hold. Foundations follow, with what they resist with.
+/// The forces on the supports: inner forces minus all others at the nodes that they hold. Foundations follow, with their own forces.
 pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,

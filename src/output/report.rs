@@ -39,14 +39,14 @@ pub struct Timings {
     pub linear_reference: Option<f64>,
 }
 
-/// Which arithmetic has made a solution.
+/// The devices and methods behind a solution.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct EnginePath {
     /// `cpu` or `gpu`.
     pub backend: &'static str,
     /// The GPU.
     pub adapter: Option<String>,
-    /// Of its kernels.
+    /// The precision of its kernels.
     pub precision: Precision,
     /// `cholesky` or `pcg`.
     pub stiffness: &'static str,
@@ -58,7 +58,7 @@ pub struct EnginePath {
 }
 
 impl EnginePath {
-    /// That of an engine, as it is after a solve.
+    /// The path of an engine after a solve.
     pub fn of(engine: &Engine) -> Self {
         Self {
             v_cycles_linear: None,
@@ -74,11 +74,11 @@ impl EnginePath {
 /// A body that contact and friction do not hold.
 #[derive(Clone, Debug, Serialize)]
 pub struct NotHeldReport {
-    /// Which body it is.
+    /// The body.
     pub body: String,
-    /// Which way the loads push it.
+    /// The direction in which the loads push it.
     pub motion: String,
-    /// Whether that is proven: [`crate::quasistatic::NotHeld::proven`].
+    /// Whether this is proven: [`crate::quasistatic::NotHeld::proven`].
     pub proven: bool,
 }
 
@@ -87,15 +87,15 @@ pub struct NotHeldReport {
 pub struct StepReport {
     /// The common load factor.
     pub factor: f64,
-    /// How it ended.
+    /// Its end.
     pub status: Status,
-    /// Solves in it: more than one where monolithic steps did not get on under Coulomb's law.
+    /// Solves in it: more than one if monolithic steps made no progress under Coulomb's law.
     pub rounds: usize,
     /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
     pub friction_change: f64,
     /// The bodies that contact and friction do not hold, and which way the loads push them.
     pub not_held: Vec<NotHeldReport>,
-    /// Where displacements are large: contact problems of where the bodies were on the way.
+    /// With large displacements: contact problems at positions of the bodies on the way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<usize>,
     /// Outer steps of all its solves.
@@ -125,7 +125,7 @@ pub struct HistoryRow {
     /// Whether slip bounds were frozen in it.
     #[serde(skip)]
     pub frozen: bool,
-    /// What was done in it, and how far it has come.
+    /// The work in it, and its end.
     #[serde(flatten)]
     pub step: ssnm::Step,
 }
@@ -133,18 +133,19 @@ pub struct HistoryRow {
 /// Everything in `report.json`; docs/case-file.md has the meaning of each entry.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// That of the case.
+    /// The title of the case.
     pub title: String,
-    /// What lengths, forces and stresses are called.
+    /// The names of lengths, forces and stresses.
     pub units: Units,
-    /// That of the last step made; None, and "error" in the file, if an error has ended the run.
+    /// The status of the last step made; None, and "error" in the file, if an error has ended the run.
     #[serde(serialize_with = "or_error")]
     pub status: Option<Status>,
     /// The error that has ended the run; the steps before it are complete.
     pub error: Option<String>,
-    /// What the figures suggest to look at.
+    /// The hints.
     pub hints: Vec<String>,
-    /// How many elements the mesh has of each kind, under the [short names](ElementKind::name); none in an algebraic case.
+    /// The number of elements of each kind in the mesh, under the [short names](ElementKind::name); none in an algebraic
+    /// case.
     pub elements: BTreeMap<&'static str, usize>,
     /// The highest order of elements: 1 or 2; null in an algebraic case.
     pub order: Option<usize>,
@@ -157,7 +158,7 @@ pub struct Report {
     /// Products with A of the whole run.
     #[serde(rename = "n_A")]
     pub n_a: usize,
-    /// Those for σ_max, not among them.
+    /// The products for σ_max, not included.
     #[serde(rename = "n_A_sigma")]
     pub n_a_sigma: usize,
     /// err / err⁰ at the end of the last solve.
@@ -168,11 +169,11 @@ pub struct Report {
     pub sigma_max: f64,
     /// Applications of the preconditioner; null on the direct path.
     pub v_cycles: Option<usize>,
-    /// Those of one linear solve with K to 1e-8, where they were counted.
+    /// The V-cycles of one linear solve with K to 1e-8, if they were counted.
     pub v_cycles_linear: Option<usize>,
     /// `v_cycles` / `v_cycles_linear`.
     pub work_ratio: Option<f64>,
-    /// Which arithmetic has made it.
+    /// The devices and methods behind it.
     #[serde(flatten)]
     pub path: EnginePath,
     /// The sets at the end of the last step.
@@ -181,20 +182,20 @@ pub struct Report {
     pub kkt: Kkt,
     /// The load steps made.
     pub steps: Vec<StepReport>,
-    /// Where the time has gone.
+    /// The times of the phases.
     pub timings: Timings,
     /// The largest resident size of the process, where the system reports it; of several processes the largest.
     pub peak_memory_mib: Option<f64>,
-    /// How several ranks have shared the work; nothing where one process has done it.
+    /// The distribution of the work among several ranks; missing for a single process.
     #[cfg(feature = "mpi")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ranks: Option<crate::mpi::RanksReport>,
-    /// That of signorini.
+    /// The version of signorini.
     pub version: &'static str,
     /// The outer steps of all solves.
     pub history: Vec<HistoryRow>,
-    /// Products with A so far and the change of the slip bounds, after each round with frozen ones; a pair of NaN where a
-    /// load step begins that has such rounds.
+    /// Products with A so far and the change of the slip bounds, after each round with frozen ones; a pair of NaN at the
+    /// beginning of a load step with such rounds.
     #[serde(skip)]
     pub friction_history: Vec<(f64, f64)>,
     /// The diagonal of the box around the mesh; 0 in an algebraic case.
@@ -214,7 +215,7 @@ fn or_error<S: serde::Serializer>(status: &Option<Status>, to: S) -> Result<S::O
 }
 
 impl Report {
-    /// Of what is to be solved, before its first step.
+    /// For the problem to be solved, before its first step.
     pub fn new<'a, const D: usize>(title: &str, analysis: impl Into<Analysis<'a, D>>) -> Self
     where
         ElementKind: Topology<D>,
@@ -223,7 +224,7 @@ impl Report {
         Self::of(title, problem, elastic)
     }
 
-    /// The same, whatever K is.
+    /// The same, for any K.
     pub(crate) fn of<const D: usize, K>(
         title: &str,
         problem: &ContactProblem<D, K>,
@@ -280,7 +281,7 @@ impl Report {
         }
     }
 
-    /// Says how long its engine has taken to be made.
+    /// Sets the time of making its engine.
     pub fn set_up(&mut self, engine: &Engine, seconds: f64) {
         self.timings.factor = seconds;
         self.timings.linear_reference =
@@ -311,7 +312,7 @@ impl Report {
         }
     }
 
-    /// What the contacts of a step carry, and what that suggests; their sides have moved against each other by up to `apart`.
+    /// The forces of the contacts of a step, and hints on them; their sides have moved against each other by up to `apart`.
     pub(crate) fn contacts<const D: usize>(
         &mut self,
         of: &OfBodies<D>,
@@ -327,7 +328,7 @@ impl Report {
         contacts
     }
 
-    /// Adds a step of which all is known.
+    /// Adds a complete step.
     pub(crate) fn push<const D: usize>(
         &mut self,
         solution: &StepSolution<D>,
@@ -395,13 +396,13 @@ impl Report {
         }
     }
 
-    /// Says that an error has ended the run.
+    /// Records that an error has ended the run.
     pub fn fail(&mut self, error: &str) {
         self.status = None;
         self.error = Some(error.to_owned());
     }
 
-    /// Adds what has made it.
+    /// Adds the path of the solve.
     pub fn set_path(&mut self, path: EnginePath) {
         self.v_cycles = path.costs.map(|costs| costs.solves.iterations);
         self.v_cycles_linear = path.v_cycles_linear;

@@ -1,4 +1,4 @@
-//! What a run has taken of the machine.
+//! The resources that a run has used.
 
 /// The largest resident size of this process so far, in MiB, where the system reports it.
 pub fn peak_memory_mib() -> Option<f64> {
@@ -8,7 +8,7 @@ pub fn peak_memory_mib() -> Option<f64> {
     Some(kib / 1024.0)
 }
 
-/// Starts the count of [`peak_memory_mib`] anew from what is held now; false where the system cannot.
+/// Restarts the count of [`peak_memory_mib`] from the memory in use now; false if the system cannot.
 pub fn forget_peak_memory() -> bool {
     // 5 resets the peak of the resident size: proc_pid_clear_refs(5).
     std::fs::write("/proc/self/clear_refs", "5").is_ok()

@@ -29,7 +29,7 @@ pub struct StepResults<'a, const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
-    /// What was solved.
+    /// The subject of the solve.
     pub analysis: Analysis<'a, D>,
     /// u, λ, and how they were found.
     pub solution: &'a StepSolution<D>,
@@ -48,7 +48,7 @@ where
     pub data: &'a StepData<D>,
     /// Displacements and stresses.
     pub fields: StepFields<D>,
-    /// What happens at the contact places.
+    /// The fields at the contact places.
     pub contact: ContactFields<D>,
 }
 
@@ -56,7 +56,7 @@ impl<'a, const D: usize> StepResults<'a, D>
 where
     ElementKind: Space<D>,
 {
-    /// From a step of what was solved.
+    /// From a step of the solve.
     pub fn new(analysis: Analysis<'a, D>, solved: &'a Solved<D>) -> Self {
         let solution = &solved.solution;
         let displaced = solved.displaced.as_deref();
@@ -139,7 +139,7 @@ where
     analysis: Analysis<'a, D>,
     directory: PathBuf,
     begin: Instant,
-    /// What `report.json` is going to say.
+    /// The future `report.json`.
     pub report: Report,
     files: Vec<PathBuf>,
     /// None: not asked for.
@@ -151,8 +151,8 @@ impl<'a, const D: usize> Results<'a, D>
 where
     ElementKind: Draw<D>,
 {
-    /// Of a run that is about to begin: what a run before has left in `directory` is removed, the files that are called as
-    /// results are; it is made if need be.
+    /// For a run that is about to begin: removes the results of an earlier run in `directory`, recognised by their names,
+    /// and makes the directory if necessary.
     ///
     /// # Errors
     /// If files cannot be written or removed there.
@@ -174,7 +174,7 @@ where
         })
     }
 
-    /// Says when the run has begun, where it was before [`Results::new`].
+    /// Sets the beginning of the run, if it was before [`Results::new`].
     pub fn set_begin(&mut self, begin: Instant) {
         self.begin = begin;
     }
@@ -227,22 +227,22 @@ where
         Ok(())
     }
 
-    /// Adds to the report what the engine of the run is and has done. Where the run has converged, the V-cycles of one linear
-    /// solve are counted beside, which takes about as long as such a solve.
+    /// Adds the engine of the run and its work to the report. If the run has converged, the V-cycles of one linear solve are
+    /// counted too, which takes about as long as such a solve.
     pub fn add_engine(&mut self, engine: &mut Engine) {
         let mut path = EnginePath::of(engine);
         if self.report.status == Some(Status::Converged) {
-            // What the whole solve has cost in linear solves; whoever has asked to stop does not wait for it.
+            // The cost of the whole solve in linear solves; after an interrupt nobody waits for it.
             path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
         }
         self.report.set_path(path);
     }
 
-    /// Writes the pictures of the whole run and the report; returns all files written. [`Report::fail`] comes first where an
-    /// error has ended the run.
+    /// Writes the pictures of the whole run and the report; returns all files written. After an error, call [`Report::fail`]
+    /// first.
     ///
     /// # Errors
-    /// If a file cannot be written; the report says so then, if it can.
+    /// If a file cannot be written; the report then records it, if possible.
     pub fn finish(&mut self) -> Result<&[PathBuf], OutputError> {
         self.report.timings.total = self.begin.elapsed().as_secs_f64();
         let drawn = self.write_pictures();

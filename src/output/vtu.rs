@@ -1,4 +1,4 @@
-//! VTK unstructured grids (`.vtu`), inline base64: what ParaView opens (VTK File Formats, docs.vtk.org).
+//! VTK unstructured grids (`.vtu`), inline base64, for ParaView (VTK File Formats, docs.vtk.org).
 
 use super::{ContactFields, NodeStatus, StepFields, put, shown_at_nodes};
 use crate::contact::Space;
@@ -7,7 +7,7 @@ use crate::mesh::ElementKind;
 use crate::model::Elastic;
 use base64::Engine as _;
 
-/// The text of a file as it grows: arrays are large, and stand there once.
+/// The growing text of a file: arrays are large, and exist only once.
 struct Arrays(String);
 
 impl Arrays {
@@ -49,7 +49,7 @@ impl Arrays {
         self.floats::<3>(name, vectors.iter().map(spatial));
     }
 
-    /// Integers that stand for kinds.
+    /// Integers as codes of kinds.
     fn kinds(&mut self, name: &str, values: impl IntoIterator<Item = i32>) {
         self.array("Int32", name, 1, values, i32::to_le_bytes);
     }
@@ -82,7 +82,7 @@ fn cell_type<const D: usize>(n_nodes: usize) -> u8 {
     }
 }
 
-/// A grid with the nodes of its cells, and what is given at its points and in its cells.
+/// A grid with the nodes of its cells, and its point and cell data.
 fn grid<'a, const D: usize>(
     points: &[[f64; D]],
     cells: impl ExactSizeIterator<Item = &'a [u32]> + Clone,
@@ -117,10 +117,10 @@ fn grid<'a, const D: usize>(
     file.0
 }
 
-/// The file of several ranks' pieces, of which this is one: what is given there, and the names of all.
+/// The index of the pieces of several ranks, of which this is one: its arrays, and the names of all pieces.
 #[cfg(feature = "mpi")]
 pub(crate) fn whole(piece: &str, names: &[String]) -> String {
-    // What is given in a piece, without the numbers.
+    // The arrays of a piece, without the numbers.
     let section = |name: &str| {
         let begin = piece.find(&format!("<{name}")).unwrap_or(piece.len());
         let text = piece[begin..]

@@ -1,4 +1,4 @@
-//! Contact problems whose dimension shows at run time.
+//! Contact problems whose dimension is known at run time.
 
 use super::ContactProblem;
 
@@ -24,10 +24,10 @@ impl From<ContactProblem<3>> for AnyProblem {
 }
 
 /// The dimension of a problem with m contact nodes, whose T has this many rows and whose points this many coordinates, if there
-/// are any: T has a row for each node in the plane and two in space. Without contact nodes the points say it.
+/// are any: T has a row for each node in the plane and two in space. Without contact nodes the points decide.
 ///
 /// # Errors
-/// If T and the points disagree; the text says what would be right.
+/// If T and the points disagree; the text gives the correct sizes.
 pub fn dimension(m: usize, rows_of_t: usize, coordinates: Option<usize>) -> Result<usize, String> {
     let is_solid = if m > 0 {
         rows_of_t == 2 * m
@@ -36,13 +36,13 @@ pub fn dimension(m: usize, rows_of_t: usize, coordinates: Option<usize>) -> Resu
     };
     match (is_solid, coordinates) {
         (false, Some(3)) if rows_of_t == m => Err(format!(
-            "the coordinates have three columns, so this is a problem in space, but T has {m} rows like N: there it has two \
-             for each contact node, {} in all",
+            "the coordinates have three columns, so this is a problem in space, but T has {m} rows like N: in space T \
+             needs two for each contact node, {} in all",
             2 * m
         )),
         (true, Some(2)) => Err(format!(
-            "T has two rows for each of the {m} contact nodes, so this is a problem in space, but the coordinates have two \
-             columns: there they have three"
+            "T has two rows for each of the {m} contact nodes, so this is a problem in space, but the coordinates \
+             have two columns: in space they need three"
         )),
         (true, _) => Ok(3),
         (false, _) => Ok(2),

@@ -1,4 +1,4 @@
-//! What the data of a problem has to fulfil.
+//! The conditions on the data of a problem.
 
 use super::ContactData;
 use crate::sparse::{BlockCsr, Csr};
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
 
-/// A claim of [`ContactProblem`](super::ContactProblem) that the data breaks. Rows and columns count from 1, and from 0 after
-/// [`ProblemError::from_zero`].
+/// A condition of [`ContactProblem`](super::ContactProblem) that the data violates. Rows and columns count from 1, and from 0
+/// after [`ProblemError::from_zero`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message of each variant names its fields")]
@@ -38,7 +38,7 @@ pub enum ProblemError {
         n: usize,
         per: &'static str,
     },
-    /// A matrix is larger than what 32-bit indices can count.
+    /// A matrix is too large for 32-bit indices.
     #[error("{name} is {rows} × {cols}, and no more than 2³² − 1 rows or columns can be counted")]
     TooLarge {
         name: &'static str,
@@ -56,8 +56,8 @@ pub enum ProblemError {
     },
     /// The pointers of a compressed matrix do not grow from 0 to the number of its entries.
     #[error(
-        "{line} {number} of {name} is said to be the entries from {start} to {end} of {count}: pointers must not \
-         fall, the first one is 0 and the last one the number of entries"
+        "{line} {number} of {name} covers the entries from {start} to {end} of {count}: pointers must not decrease, \
+         and must run from 0 to the number of entries"
     )]
     Pointers {
         name: &'static str,
@@ -104,7 +104,7 @@ pub enum ProblemError {
         mirror: f64,
         held: bool,
     },
-    /// K or f is so small or so large that numbers made of it are none any more.
+    /// K or f is so small or so large that derived numbers overflow or vanish.
     #[error("{name}: entry {place} is {value:e}: {SIZES}")]
     Size {
         name: &'static str,
@@ -149,7 +149,7 @@ pub enum ProblemError {
     Area { row: usize, value: f64 },
     /// Nothing can open a gap.
     #[error(
-        "row {row} of N has no nonzero entry, so that no motion opens its gap of {gap:e}: it has to be 0 or more"
+        "row {row} of N has no nonzero entry, so that no motion opens its gap of {gap:e}: that gap must be at least 0"
     )]
     ZeroRow { row: usize, gap: f64 },
     /// Two multipliers have the same effect.
@@ -231,24 +231,25 @@ impl ProblemError {
     }
 }
 
-/// Entries of K and of f, and what they are made of, are 0 or have a size between these: displacements are their quotients,
-/// within 1e±140, and squares and energies of all these remain within what a double holds to full accuracy, 1e±307. No
-/// system of units comes near them.
+/// Nonzero entries of K and of f, and the numbers they come from, must have a size between these: displacements are their
+/// quotients, within 1e±140, and squares and energies of all these remain within the range of full double precision,
+/// 1e±307. No system of units comes near these limits.
 const SMALLEST: f64 = 1e-70;
 /// See [`SMALLEST`].
 pub(crate) const LARGEST: f64 = 1e70;
-/// What no displacement and no force reaches that can be computed with: an infinite gap and an infinite slip bound become this.
+/// No displacement and no force in a valid computation reaches this: an infinite gap and an infinite slip bound become this.
 pub(crate) const UNREACHABLE: f64 = LARGEST / SMALLEST;
 
-/// What to do about others.
-pub(crate) const SIZES: &str = "what is not 0 has to be between 1e-70 and 1e70 in size, to be computed with: state it in other units";
+/// The remedy for others.
+pub(crate) const SIZES: &str =
+    "nonzero values must be between 1e-70 and 1e70 in size: use other units";
 
-/// Whether a size is one that can be computed with, or 0.
+/// Whether a size is in range, or 0.
 pub(crate) fn is_sized(value: f64) -> bool {
     value == 0.0 || (SMALLEST..=LARGEST).contains(&value.abs())
 }
 
-/// The largest entry of a load can be computed with, or all of them are 0.
+/// The largest entry of a load is in range, or all of them are 0.
 pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
     let all = load.iter().enumerate();
     let largest = all.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
@@ -265,8 +266,8 @@ pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
 /// Relative asymmetry of K that counts as rounding.
 const SYMMETRY_LIMIT: f64 = 1e-9;
 
-/// The data, with the last block completed where n is no multiple of D, if all is as it should be but for the rank of
-/// B = (N; T): shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0.
+/// The data, with the last block completed if n is not a multiple of D, after all checks except the rank of B = (N; T):
+/// shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0.
 pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
     softness: &[f64],
@@ -279,7 +280,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
         data = pad(data);
     }
     let diagonal = data.stiffness.diagonal();
-    // What is too small for products would not be found symmetric, either.
+    // Entries that are too small for products would not be found symmetric, either.
     if let Some(i) = diagonal.iter().position(|&v| v > 0.0 && !is_sized(v)) {
         return Err(ProblemError::Size {
             name: "the stiffness matrix K",
@@ -310,12 +311,12 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     Ok(data)
 }
 
-/// How far below 0 a gap is by rounding: of the coordinates that it was measured with, and of what the load moves a single unknown
-/// by. (Not of other gaps: a large one means that there is no obstacle.)
+/// How far below 0 a gap may be by rounding: of the coordinates that it was measured with, and of the motion of a single unknown
+/// under the load. (Not of other gaps: a large one means that there is no obstacle.)
 fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
-    /// Of coordinates: sums of some hundred terms are known to that.
+    /// For coordinates: sums of some hundred terms have this accuracy.
     const OF_PLACES: f64 = 1e-14;
-    /// Of a displacement that is less than the largest one: far below what tolerances tell apart.
+    /// A part of the largest displacement, far below the resolution of tolerances.
     const OF_MOVED: f64 = 1e-10;
     let largest = |all: &mut dyn Iterator<Item = f64>| {
         all.filter(|x| x.is_finite())
@@ -427,7 +428,7 @@ pub(super) fn length(
     length_of(name, vector.len(), expected, reason)
 }
 
-/// A list has as many entries as it should.
+/// A list has the expected number of entries.
 pub(super) fn length_of(
     name: &'static str,
     found: usize,
@@ -445,7 +446,7 @@ pub(super) fn length_of(
     })
 }
 
-/// Why a vector has m entries.
+/// The reason why a vector has m entries.
 pub(super) const PER_NODE: &str = "one entry per entry of the gap d";
 
 /// No entry is infinite or NaN.
@@ -460,7 +461,7 @@ pub(super) fn finite(name: &'static str, vector: &[f64]) -> Result<(), ProblemEr
     }
 }
 
-/// No entry is −∞ or NaN. Those that are infinite, or larger than `most`, become that.
+/// No entry is −∞ or NaN. Entries that are infinite, or larger than `most`, become that.
 fn bounded(name: &'static str, vector: &mut [f64], most: f64) -> Result<(), ProblemError> {
     vector.iter_mut().for_each(|v| {
         if *v > most {
@@ -470,7 +471,7 @@ fn bounded(name: &'static str, vector: &mut [f64], most: f64) -> Result<(), Prob
     finite(name, vector)
 }
 
-/// d is as it should be, but for its sign.
+/// d is valid except for its sign.
 pub(super) fn gap(d: &mut [f64]) -> Result<(), ProblemError> {
     bounded("the gap d", d, UNREACHABLE)
 }
@@ -501,7 +502,7 @@ pub(super) fn friction(mu: &mut [f64], m: usize) -> Result<(), ProblemError> {
     }
 }
 
-/// C is as it should be: of length D m or 0, finite, not negative, the same along both tangents of a node.
+/// C is valid: of length D m or 0, finite, not negative, the same along both tangents of a node.
 pub(super) fn compliance<const D: usize>(c: &[f64], m: usize) -> Result<(), ProblemError> {
     if c.is_empty() {
         return Ok(());
@@ -528,7 +529,7 @@ pub(super) fn compliance<const D: usize>(c: &[f64], m: usize) -> Result<(), Prob
     }
 }
 
-/// Completes the last block where n is no multiple of D: decoupled unknowns with the equation 1 · u = 0.
+/// Completes the last block if n is not a multiple of D: decoupled unknowns with the equation 1 · u = 0.
 fn pad<const D: usize>(data: ContactData<D>) -> ContactData<D> {
     let n = data.load.len();
     let whole = n.next_multiple_of(D);
@@ -585,7 +586,7 @@ fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
     bad.map_or(Ok(()), Err)
 }
 
-/// Whether a row has no entry but that on the diagonal.
+/// Whether a row has only its diagonal entry.
 fn holds<const D: usize>(k: &BlockCsr<D>, row: usize) -> bool {
     let (cols, blocks) = k.row(row / D);
     let mut all = (cols.iter().zip(blocks)).flat_map(|(&j, block)| {
@@ -602,7 +603,7 @@ fn entries(matrix: &Csr, row: usize) -> impl Iterator<Item = (u32, f64)> {
     entries.filter(|&(_, v)| v != 0.0)
 }
 
-/// Where a row of N has no entries, nothing can open what overlaps, but contact that gives way.
+/// Where a row of N has no entries, nothing can open an overlap, except compliant contact.
 pub(super) fn no_overlap_of_nothing(
     gap: &[f64],
     normal: &Csr,
@@ -622,7 +623,7 @@ pub(super) fn no_overlap_of_nothing(
     }
 }
 
-/// What can be seen cheaply of the row rank of B: parallel rows, too many rows. What has a compliance may depend on all else.
+/// Cheap checks of the row rank of B: parallel rows, too many rows. Compliant rows may depend on all others.
 pub(super) fn rank(
     normal: &Csr,
     tangential: &Csr,
@@ -656,9 +657,9 @@ pub(super) fn rank(
                     first: first + 1,
                     second: offset + i + 1,
                     name: match (both_normal, first < m) {
-                        (true, _) => "two rows of N (the same node stands twice in the contact)",
+                        (true, _) => "two rows of N (the same node is listed twice in the contact)",
                         (_, true) => "a row of N and a row of T (normal and tangent are the same)",
-                        _ => "two rows of T (the same node stands twice in the contact)",
+                        _ => "two rows of T (the same node is listed twice in the contact)",
                     },
                 });
             }

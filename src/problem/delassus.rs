@@ -1,4 +1,4 @@
-//! Contacts whose Delassus operator W is known itself: u = W r + q.
+//! Contacts whose Delassus operator W is given: u = W r + q.
 
 use super::{ContactData, ContactProblem, Elsewhere, ProblemError, check, tangents};
 use crate::sparse::{BlockCsr, Csr};
@@ -8,10 +8,10 @@ impl<const D: usize> ContactProblem<D> {
     /// impulses (or forces) r, both with the normal component first, then the tangential ones, contact by contact: u and r press
     /// or part along the normal (uₙ ≥ 0, rₙ ≥ 0, uₙ rₙ = 0), and friction opposes u. W is symmetric and may be semidefinite.
     ///
-    /// Its unknowns are W r with the sign changed, in the same order; K stands for W⁻¹, and only the dual operator
-    /// ([`DelassusDual`](crate::dual::DelassusDual)) knows W. B takes the rows apart, so that r = Bᵀλ.
+    /// Its unknowns are −W r, in the same order; K represents W⁻¹, and only the dual operator
+    /// ([`DelassusDual`](crate::dual::DelassusDual)) knows W. B separates the rows, so that r = Bᵀλ.
     ///
-    /// `diagonal` is that of W, or what it is about; `friction` has μ of each contact.
+    /// `diagonal` is the diagonal of W or an estimate of it; `friction` has μ of each contact.
     ///
     /// # Errors
     /// If lengths do not fit, entries are not finite, or the diagonal or μ has negative ones.
@@ -37,7 +37,7 @@ impl<const D: usize> ContactProblem<D> {
                 value: diagonal[i],
             });
         }
-        // What nothing moves has no compliance of its own, and that of the others to be measured by.
+        // A contact that nothing moves has no compliance of its own, so the others' compliance is its scale.
         let moved = diagonal.iter().filter(|&&w| w > 0.0);
         let mean = match moved.clone().count() {
             0 => 1.0,

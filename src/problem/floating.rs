@@ -1,15 +1,15 @@
-//! Bodies that can move as a whole: the kernel of K, as far as it consists of rigid motions.
+//! Bodies that can move as a whole: the part of the kernel of K that consists of rigid-body motions.
 //!
-//! A body without enough supports has a singular stiffness matrix, whose kernel its rigid motions span: two
-//! translations and a rotation in the plane, three and three in space, or what the supports have left of them. With R, one column a motion, and a
-//! generalised inverse K⁺
+//! A body without enough supports has a singular stiffness matrix, whose kernel its rigid-body motions span: two translations and a
+//! rotation in the plane, three and three in space, or those of them that the supports leave free. With R, one column a motion, and
+//! a generalised inverse K⁺
 //!
 //! ```text
 //! u = K⁺(f − Bᵀλ) + R α,    Rᵀ(f − Bᵀλ) = 0,  that is  G λ = e  with  G = Rᵀ Bᵀ,  e = Rᵀ f
 //! ```
 //!
-//! so the contact forces have to balance each body, and α says where it goes (Farhat and Roux 1991; Dostál,
-//! Horák and Kučera 2006).
+//! so the contact forces have to balance each body, and α is its rigid-body displacement (Farhat and Roux 1991; Dostál, Horák and
+//! Kučera 2006).
 
 mod find;
 #[cfg(feature = "mpi")]
@@ -27,11 +27,11 @@ use std::sync::Arc;
 
 /// An entry of G smaller than this part of the sum of its terms' sizes is rounding.
 const ROUNDING_OF_G: f64 = 1e-12;
-/// Unknowns without contact are fixed where that costs no more than this of the condition.
+/// Unknowns without contact are preferred if that costs no more than this of the condition.
 const FAR_ENOUGH: f64 = 1e-2;
-/// A motion that turns, or slides, by less than this part of what it does in all is not said to.
+/// A rotation or a sliding below this part of a whole motion is not mentioned.
 const LITTLE: f64 = 0.05;
-/// A component of a motion, whose largest is about one, that counts as none.
+/// A component of a motion below this counts as zero; the largest is about one.
 const NONE: f64 = 1e-6;
 
 /// A body with a motion as a whole that no support prevents.
@@ -66,7 +66,7 @@ impl<const D: usize> FloatingBody<D> {
         &self.motions
     }
 
-    /// What a motion with these coefficients is, in words.
+    /// A motion with these coefficients, in words.
     pub fn describe(&self, coefficients: &[f64]) -> String {
         let mut motion = vec![0.0; rigid::count(D)];
         for (c, m) in coefficients.iter().zip(&self.motions) {
@@ -75,7 +75,7 @@ impl<const D: usize> FloatingBody<D> {
         let (velocity, turn) = motion.split_at(D);
         let (speed, turning) = (length(velocity), length(turn));
         let listed = |vector: &[f64]| {
-            // Without the sign of what is rounded to zero.
+            // Without the sign of numbers rounded to zero.
             let rounded = vector.iter().map(|v| (v * 1e3).round() / 1e3 + 0.0);
             let entries: Vec<_> = rounded.map(|v| format!("{v:.3}")).collect();
             format!("({})", entries.join(", "))
@@ -85,7 +85,7 @@ impl<const D: usize> FloatingBody<D> {
             let way: Vec<f64> = velocity.iter().map(|v| v / speed).collect();
             return format!("slides along {}", listed(&way));
         }
-        // As in space: the plane is that of z = 0.
+        // As in space: the plane is z = 0.
         let (mut v, mut omega) = ([0.0; 3], [0.0; 3]);
         v[..D].copy_from_slice(velocity);
         omega[3 - turn.len()..].copy_from_slice(turn);
@@ -116,7 +116,7 @@ impl<const D: usize> FloatingBody<D> {
         format!("rotates about the axis through ({place}) along {axis}{screw}")
     }
 
-    /// The motions that it is free to make, in words.
+    /// Its free motions, in words.
     pub fn freedom(&self) -> String {
         let turns = rigid::count(D) - D;
         let turn = Mat::from_fn(turns, self.motions.len(), |k, j| self.motions[j][D + k]);
@@ -124,7 +124,7 @@ impl<const D: usize> FloatingBody<D> {
             return "move".to_owned();
         };
         let rotations = values.iter().filter(|&&value| value > NONE).count();
-        // What is left without rotation.
+        // The part without rotation.
         let moves = |c: usize| {
             (rotations..self.motions.len()).any(|k| {
                 let all = self.motions.iter().enumerate();
@@ -156,7 +156,7 @@ impl<const D: usize> FloatingBody<D> {
 #[derive(Clone, Debug, Default)]
 pub struct FloatingBodies<const D: usize = 2> {
     bodies: Vec<FloatingBody<D>>,
-    /// Who has the other nodes, where these are not all.
+    /// The ranks with the other nodes, if this process has not all.
     ranks: Ranks,
 }
 
@@ -223,8 +223,7 @@ impl<const D: usize> FloatingBodies<D> {
         self.sums(x, dot)
     }
 
-    /// What an entry of Rᵀx is small beside: Σ |R||x| over the nodes of the body, with the lengths of the vectors
-    /// at each node.
+    /// The scale of an entry of Rᵀx: Σ |R||x| over the nodes of the body, with the lengths of the vectors at each node.
     pub(crate) fn sizes(&self, x: &[f64]) -> Vec<f64> {
         self.sums(x, |m, x| length(m) * length(x))
     }
@@ -265,8 +264,8 @@ impl<const D: usize> FloatingBodies<D> {
         }
     }
 
-    /// Gᵀ = B R: a row for each multiplier, a column for each motion. What is rounding in it is left out: a tangential
-    /// force that is at a right angle to a motion but for 1e-17 must not be asked to balance it.
+    /// Gᵀ = B R: a row for each multiplier, a column for each motion. Entries that are only rounding are left out: a
+    /// tangential force that is perpendicular to a motion up to 1e-17 must not have to balance it.
     pub(crate) fn contact_motions(&self, b: &Csr) -> Csr {
         let mut place: Vec<Option<(u32, u32)>> = vec![None; b.n_cols().div_ceil(D)];
         for (number, body) in self.bodies.iter().enumerate() {
@@ -279,9 +278,9 @@ impl<const D: usize> FloatingBodies<D> {
         let sizes: Vec<f64> = (self.bodies.iter())
             .flat_map(|body| body.modes.iter().map(largest))
             .collect();
-        // Row, motion, entry, and what it could be.
+        // Row, motion, entry, and its scale.
         let mut entries = Vec::new();
-        // The entries of a row, beside what they could be, and the motions that have any.
+        // The entries of a row, with their scales, and the motions that have any.
         let mut sums = vec![[0.0_f64; 2]; self.n_modes()];
         let mut motions = Vec::new();
         for row in 0..b.n_rows() {
@@ -307,7 +306,7 @@ impl<const D: usize> FloatingBodies<D> {
             }
         }
         let mut entries = self.ranks.joined(entries);
-        // What each rank has of an entry stands in the order of the ranks.
+        // The contributions of the ranks to an entry are in the order of the ranks.
         entries.sort_by(|[i, j, ..], [k, l, ..]| i.total_cmp(k).then(j.total_cmp(l)));
         let same = |[i, j, ..]: &[f64; 4], [k, l, ..]: &[f64; 4]| i == k && j == l;
         let entries = entries.chunk_by(same).filter_map(|parts| {
@@ -318,10 +317,9 @@ impl<const D: usize> FloatingBodies<D> {
         Csr::from_triplets(b.n_rows(), self.n_modes(), entries)
     }
 
-    /// K with as many unknowns tied to the ground as there are motions, and these with their ties: positive
-    /// definite, and its inverse is a generalised inverse of K. Loads in balance leave the ties without force, and
-    /// what rounding has left unbalanced of them cannot grow, as it would in iterations with a singular matrix.
-    /// K itself where all bodies are held.
+    /// K with as many unknowns tied to the ground as there are motions, and these with their ties: positive definite,
+    /// and its inverse is a generalised inverse of K. Balanced loads leave the ties without force, and an imbalance by
+    /// rounding cannot grow, as it would in iterations with a singular matrix. K itself if all bodies are held.
     pub fn grounded(
         &self,
         k: &Arc<BlockCsr<D>>,
@@ -340,9 +338,8 @@ impl<const D: usize> FloatingBodies<D> {
         (grounded, ties)
     }
 
-    /// As many unknowns as there are motions, such that K without their rows and columns is regular: those on
-    /// which R is conditioned best, taken one after the other, and if that costs little, such that `avoid`
-    /// does not say no to.
+    /// As many unknowns as there are motions, such that K without their rows and columns is regular: those with the
+    /// best condition of R, chosen one after the other and, if that costs little, none for which `avoid` is true.
     pub(crate) fn unknowns_to_fix(&self, avoid: impl Fn(usize) -> bool) -> Vec<u32> {
         let mut fixed = Vec::new();
         for body in &self.bodies {
@@ -364,7 +361,7 @@ impl<const D: usize> FloatingBodies<D> {
                     }
                     least = least.min(length);
                     chosen.push((D * body.nodes[i] as usize + c) as u32);
-                    // What the motions do beyond that unknown.
+                    // The values of the motions outside that unknown.
                     let direction: Vec<f64> = left.iter().map(|mode| mode[i][c] / length).collect();
                     for j in 0..body.nodes.len() {
                         for d in 0..D {

@@ -1,15 +1,13 @@
-//! The optimality conditions (1)–(3), and what their violations are measured by.
+//! The optimality conditions (1)–(3), and the scales of their violations.
 //!
-//! Violations are relative to the problem at hand, not to where bodies have been moved as a whole nor to an
-//! earlier, larger load:
+//! Violations are relative to the present problem, not to rigid-body displacements nor to an earlier, larger load:
 //!
-//! - lengths to the largest deformation, which is u without the mean rigid motion of each connected body, or
-//!   if that is larger to what a contact force would do to its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
-//! - forces to those that act: the larger of ‖f‖ (without what prescribed displacements add) and ‖Bᵀλ‖.
+//! - lengths to the largest deformation, which is u without the mean rigid-body motion of each connected body, or, if larger, to
+//!   the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
+//! - forces to the acting ones: the larger of ‖f‖ (without the contribution of prescribed displacements) and ‖Bᵀλ‖.
 //!
-//! A difference that is no more than the rounding of its terms (32 units in the last place) counts as none: f64
-//! holds nothing smaller. That is a matter of each row: of its own gap, of how far the bodies have moved that it is about, and of
-//! its own compliance.
+//! A difference within the rounding of its terms (32 units in the last place) counts as zero: f64 resolves nothing smaller. Each
+//! row has its own rounding: that of its gap, of the motion of its bodies, and of its compliance.
 
 use super::{ContactProblem, tangents_of};
 use crate::constraint::{TIED, tangential};
@@ -20,8 +18,7 @@ use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use faer::Mat;
 
-/// Violations of the optimality conditions, each relative to the size of what it is measured in: see
-/// [`ContactProblem::kkt`].
+/// Violations of the optimality conditions, each relative to its own scale: see [`ContactProblem::kkt`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Kkt {
@@ -31,13 +28,13 @@ pub struct Kkt {
     pub penetration: f64,
     /// max (−λν)₊ / ‖λ‖∞.
     pub tension: f64,
-    /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation); where that is larger, the largest gap under a force, or what this force does to
-    /// its own node if that is less, / the deformation: what the largest contacts do must not hide the others.
+    /// |λνᵀ(Nu − d)| / (‖λ‖ · the deformation); where that is larger, the largest gap under a force, or the effect of this force on
+    /// its own node if that is less, / the deformation: the largest contacts must not hide the others.
     pub complementarity: f64,
-    /// max (|λτ,i| − gᵢ)₊ / the largest bound, but for those that are larger than all forces.
+    /// max (|λτ,i| − gᵢ)₊ / the largest bound, except for bounds that are larger than all forces.
     pub friction_bound: f64,
-    /// max over sticking nodes of the slip, over slipping ones of slip that is not along λτ; / the deformation.
-    /// What a tangential force lacks to its bound counts as a length, with the compliance of its node.
+    /// max over sticking nodes of the slip, over slipping ones of slip that is not along λτ; / the deformation. The
+    /// distance of a tangential force from its bound counts as a length, with the compliance of its node.
     pub slip: f64,
 }
 
@@ -55,7 +52,7 @@ impl Kkt {
     }
 }
 
-/// What violations are measured by.
+/// The scales of violations.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scales {
     /// The largest component of the deformation.
@@ -67,10 +64,10 @@ pub(crate) struct Scales {
 }
 
 impl<const D: usize> ContactProblem<D> {
-    /// The optimality conditions (1)–(3) at (u, λ), in f64 against the assembled K, relative to the deformation
-    /// and the forces of this problem (the module's head says how).
+    /// The optimality conditions (1)–(3) at (u, λ), in f64 against the assembled K, relative to the deformation and the
+    /// forces of this problem (see the head of the module).
     ///
-    /// `u` as long as K has rows, `lambda` of length D m: λν, then λτ node by node.
+    /// `u` has an entry per row of K, `lambda` has length D m: λν, then λτ node by node.
     ///
     /// # Panics
     /// If a length differs.
@@ -81,9 +78,9 @@ impl<const D: usize> ContactProblem<D> {
 }
 
 impl<const D: usize, K> ContactProblem<D, K> {
-    /// What K has to be multiplied by to tell whether forces are in equilibrium: u without the motions of floating bodies,
-    /// along which K R = 0, as products with rounded numbers say the worse the farther a body has moved; and what its
-    /// entries may be off by, in units of rounding. What is left of a long way has the rounding of that.
+    /// The vector to multiply with K to test equilibrium: u without the motions of floating bodies, along which K R = 0,
+    /// because products with rounded numbers are less accurate the farther a body has moved. Also the rounding of its
+    /// entries, which includes that of the removed motion.
     pub(crate) fn deformed(&self, u: &[f64]) -> [Vec<f64>; 2] {
         let floating = self.floating_bodies();
         let back: Vec<f64> = floating.resultants(u).iter().map(|a| -a).collect();
@@ -96,8 +93,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         [deformed, sizes]
     }
 
-    /// The lengths that the gap and the slip of each row are differences of, at most: gap or origin of slip, what the bodies had
-    /// moved before, and what the force before did to its own node: a u that it has brought to rest has the rounding of that.
+    /// The largest lengths whose differences are the gap and the slip of each row: gap or origin of slip, the earlier motion of
+    /// the bodies, and the effect of the earlier force on its own node: a u that this force has brought to rest has the rounding
+    /// of that.
     pub(crate) fn reach(&self) -> Vec<f64> {
         let case = self.load_case();
         let mut reach = match &case.travelled {
@@ -110,7 +108,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         reach
     }
 
-    /// What the gap and the slip of each row may be off by through rounding alone, where u is up to `moved` in it.
+    /// The rounding of the gap and the slip of each row, where u is up to `moved` in it.
     pub(crate) fn rounding(&self, mut moved: Vec<f64>, lambda: &[f64]) -> Vec<f64> {
         add_times(1.0, &self.reach(), &mut moved);
         let given_way = self.contact_compliance().iter().zip(lambda);
@@ -200,7 +198,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// The nodes that have slipped by more than rounding and a part of the deformation, each with its slip along the tangents
-    /// (of length D, without a normal part); not those that are tied.
+    /// (of length D, without a normal part); without tied nodes.
     pub(crate) fn slipped(
         &self,
         u: &[f64],
@@ -224,7 +222,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         })
     }
 
-    /// ‖Ku + Bᵀλ − f‖, what is rounding of its terms left out.
+    /// ‖Ku + Bᵀλ − f‖, without the rounding of its terms.
     fn imbalance(&self, lambda: &[f64], [sums, sizes]: &[Vec<f64>; 2]) -> f64 {
         let mut forces = self.load().to_vec();
         let mut terms: Vec<f64> = forces.iter().map(|f| f.abs()).collect();
@@ -238,19 +236,19 @@ impl<const D: usize, K> ContactProblem<D, K> {
         self.ranks().norm(&residual)
     }
 
-    /// The larger of ‖f‖, without what prescribed displacements add to it, and ‖Bᵀλ‖.
+    /// The larger of ‖f‖, without the contribution of prescribed displacements, and ‖Bᵀλ‖.
     pub(crate) fn acting_forces(&self, lambda: &[f64]) -> f64 {
         let mut forces = vec![0.0; self.load().len()];
         self.contact_matrix()
             .mul_transpose_add(1.0, lambda, &mut forces);
         match self.load_case().acting.max(self.ranks().norm(&forces)) {
-            // Nothing but prescribed displacements.
+            // Only prescribed displacements.
             0.0 => self.ranks().norm(self.load()),
             force => force,
         }
     }
 
-    /// What violations at (u, λ) are measured by.
+    /// The scales of violations at (u, λ).
     pub(crate) fn scales(&self, u: &[f64], lambda: &[f64]) -> Scales {
         let deformation = self.deformation(u);
         let times = |compliance: &[f64]| -> Vec<f64> {
@@ -355,9 +353,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 }
 
-/// How far λτ,i and the slip of a node are from (3), as a length: the slip if it sticks, the slip that is not along
-/// λτ,i if it does not, or what λτ,i lacks to its bound times the compliance c, whichever is less. Forces that are
-/// short of their bound by a rounding error slip all the same.
+/// The distance of λτ,i and the slip of a node from (3), as a length: the slip if it sticks, the part of the slip that
+/// is not along λτ,i if it does not, or the distance of λτ,i from its bound times the compliance c, whichever is less.
+/// A force that misses its bound by a rounding error still slips.
 pub(crate) fn slip_violation(lambda: &[f64], slip: &[f64], g: f64, c: f64) -> f64 {
     if !(c > 0.0) {
         return 0.0;
@@ -374,7 +372,7 @@ pub(crate) fn slip_violation(lambda: &[f64], slip: &[f64], g: f64, c: f64) -> f6
     }))
 }
 
-/// What of a difference is more than the rounding of its terms.
+/// The part of a difference that exceeds the rounding of its terms.
 pub(crate) fn beyond(difference: f64, rounding: f64) -> f64 {
     if difference.abs() <= rounding {
         0.0

@@ -1,35 +1,35 @@
-//! What changes from load step to load step.
+//! The data that change from load step to load step.
 
 use crate::sparse::norm;
 use std::sync::Arc;
 
-/// The load of a contact problem, and where gap and slip are counted from: a small value beside a
-/// [`System`](super::System), handed to the dual operator with each request.
+/// The load of a contact problem, and the origins of gap and slip: a small value beside a [`System`](super::System),
+/// passed to the dual operator with each request.
 #[derive(Clone, Debug)]
 pub struct LoadCase {
     /// f.
     pub(crate) force: Arc<Vec<f64>>,
     /// d.
     pub(crate) gap: Vec<f64>,
-    /// Where slip is counted from: T u less this is the slip, an entry per row of T.
+    /// The origin of slip: T u minus this is the slip, an entry per row of T.
     pub(crate) slip_origin: Vec<f64>,
     /// g, where it is given.
     pub(crate) slip_bound: Vec<f64>,
     /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
     pub(crate) friction: Arc<Vec<f64>>,
-    /// It is given everywhere, whatever the coefficients of friction.
+    /// The slip bound is given everywhere, whatever the coefficients of friction.
     pub(crate) frozen: bool,
-    /// ‖forces that act on the bodies‖: ‖f‖, but for what prescribed displacements add to f.
+    /// ‖forces that act on the bodies‖: ‖f‖ without the contribution of prescribed displacements.
     pub(crate) acting: f64,
-    /// The largest displacement before this load step of the body that each unknown is of: what comes out as a difference is
-    /// rounded accordingly. None at rest, on all ranks.
+    /// For each unknown the largest displacement of its body before this load step, which determines the rounding of
+    /// differences. None at rest, on all ranks.
     pub(crate) travelled: Option<Arc<Vec<f64>>>,
-    /// λ before this load step, which the origin of slip has its errors from; empty at rest.
+    /// λ before this load step, the source of errors in the origin of slip; empty at rest.
     pub(crate) before: Vec<f64>,
 }
 
 impl LoadCase {
-    /// From rest; f may be larger than the forces that act, by what prescribed displacements add to it.
+    /// From rest; f may be larger than the acting forces, by the contribution of prescribed displacements.
     pub(crate) fn new(
         force: Vec<f64>,
         gap: Vec<f64>,
@@ -49,12 +49,12 @@ impl LoadCase {
         }
     }
 
-    /// f, as long as K has rows. A load case that is cloned shares it.
+    /// f, with an entry per row of K. Clones of a load case share it.
     pub fn force(&self) -> &Arc<Vec<f64>> {
         &self.force
     }
 
-    /// Takes f in the place of the last one; whether it is another one.
+    /// Replaces f; returns whether it has changed.
     pub(crate) fn take_force(&self, last: &mut Arc<Vec<f64>>) -> bool {
         if Arc::ptr_eq(last, &self.force) {
             return false;

@@ -1,10 +1,10 @@
-//! The door for matrices of other libraries: scalar entries, in compressed rows or columns, read where they are.
+//! The entry for matrices of other libraries: scalar entries, in compressed rows or columns, read in place.
 
 use super::{ContactData, ContactProblem, ProblemError, check};
 use crate::sparse::{BlockCsr, Csr};
 use faer::sparse::SparseColMatRef;
 
-/// The data of a [`ContactProblem`] as other libraries have it: scalar sparse matrices and slices. The letters and
+/// The data of a [`ContactProblem`] in the form of other libraries: scalar sparse matrices and slices. The letters and
 /// the lengths are those of [`ContactData`].
 ///
 /// ```
@@ -39,10 +39,10 @@ pub struct Matrices<'a, const D: usize = 2> {
     pub tangential: SparseRef<'a>,
     /// d, length m.
     pub gap: &'a [f64],
-    /// Whether entries of d below 0 are meant: an overlap of what is pressed or shrunk on.
+    /// Whether entries of d below 0 are intended: an overlap of pressed or shrunk parts.
     pub interference: bool,
-    /// Whether rows of N and T may depend on each other, as those of bodies do where several parts of one lie under one facet of
-    /// another: forces on the bodies are unique even so, multipliers need not be.
+    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet of
+    /// another: forces on the bodies are still unique, multipliers need not be.
     pub dependent_rows: bool,
     /// g, length m; may be empty where coefficients of friction are given.
     pub slip_bound: &'a [f64],
@@ -59,11 +59,11 @@ impl<const D: usize> ContactProblem<D> {
     /// A problem from scalar matrices. They are copied into blocks; n need not be a multiple of D.
     ///
     /// # Errors
-    /// What is wrong with which entry: that of the matrices themselves (lengths, pointers, indices), and all that
+    /// The entry and its fault: those of the matrices themselves (lengths, pointers, indices), and all that
     /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`] and [`ContactProblem::with_gap`] check.
     pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
         let k = matrices.stiffness;
-        // Blocks would hide these, or take memory for a typing error.
+        // Blocks would hide these errors, or allocate memory for a typing error.
         if k.n_rows != k.n_cols {
             return Err(ProblemError::NotSquare {
                 rows: k.n_rows,
@@ -117,9 +117,9 @@ impl<const D: usize> ContactProblem<D> {
     }
 }
 
-/// A sparse matrix of scalars that belongs to someone else, in compressed rows or columns counted from 0.
+/// A borrowed sparse matrix of scalars, in compressed rows or columns counted from 0.
 ///
-/// Entries of a row may stand in any order, and repeated ones add up. Nothing is checked before the matrix is used.
+/// Entries of a row may be in any order, and repeated ones add up. Nothing is checked before the matrix is used.
 #[derive(Clone, Copy, Debug)]
 pub struct SparseRef<'a> {
     n_rows: usize,
@@ -169,7 +169,7 @@ impl<'a> SparseRef<'a> {
         }
     }
 
-    /// A copy in compressed rows. `name`: what an error calls the matrix.
+    /// A copy in compressed rows. `name` is the name of the matrix in errors.
     ///
     /// # Errors
     /// If its parts do not fit, or an index is out of range.
@@ -177,7 +177,7 @@ impl<'a> SparseRef<'a> {
         self.blocks(name)
     }
 
-    /// A copy in blocks, of whose sizes whole numbers are made. `name`: what an error calls the matrix.
+    /// A copy in blocks, with its sizes rounded up to whole blocks. `name` is the name of the matrix in errors.
     fn blocks<const B: usize>(&self, name: &'static str) -> Result<BlockCsr<B>, ProblemError> {
         self.check(name)?;
         Ok(BlockCsr::from_passes(self.n_rows, self.n_cols, || {
@@ -291,7 +291,7 @@ impl Default for SparseRef<'_> {
 impl<'a, I: Index + faer::Index> From<SparseColMatRef<'a, I, f64>> for SparseRef<'a> {
     fn from(matrix: SparseColMatRef<'a, I, f64>) -> Self {
         let (n_rows, n_cols, col_ptr, lengths, row_idx) = matrix.symbolic().parts();
-        // There may be room left behind the last column.
+        // The arrays may be longer than the last column.
         let end = match (lengths, col_ptr.last()) {
             (None, Some(end)) => end.zx().min(row_idx.len()),
             _ => row_idx.len(),
@@ -310,7 +310,7 @@ pub trait Index: Copy + sealed::Sealed {
     fn indices(slice: &[Self]) -> Indices<'_>;
 }
 
-/// Indices of any such type.
+/// Indices of any integer type.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
 pub enum Indices<'a> {
@@ -330,7 +330,7 @@ impl Indices<'_> {
         }
     }
 
-    /// One of them; negative if it is beyond all that can be counted.
+    /// One of them; negative if it overflows.
     fn get(&self, k: usize) -> i64 {
         match self {
             Self::I32(all) => all[k].into(),

@@ -6,7 +6,7 @@ use crate::ranks::Ranks;
 use crate::sparse::{BlockCsr, Csr};
 use std::sync::Arc;
 
-/// What a rank has of a problem: the rows of K that belong to its unknowns, and all that is as long as these are.
+/// A rank's part of a problem: the rows of K for its unknowns, and all vectors over these.
 pub(crate) struct Share<'a, const D: usize> {
     /// Block rows of K of its own nodes; its block columns begin with them.
     pub rows: &'a BlockCsr<D>,
@@ -21,11 +21,11 @@ pub(crate) struct Share<'a, const D: usize> {
     pub areas: Vec<f64>,
     /// All D m; empty where contact is hard.
     pub compliance: Vec<f64>,
-    /// Its nodes of them.
+    /// Its part of the floating bodies.
     pub free: FloatingBodies<D>,
     /// The connected part of K that each of its nodes belongs to, counted over all ranks.
     pub parts: Vec<u32>,
-    /// f of its own unknowns, all the rest of it.
+    /// f of its own unknowns, and all the rest of the load case.
     pub case: LoadCase,
 }
 

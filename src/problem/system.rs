@@ -1,4 +1,4 @@
-//! What K, N, T, the points and the areas say: made once, and shared by all load cases.
+//! The data of K, N, T, the points and the areas: made once, and shared by all load cases.
 
 use super::{ContactData, FloatingBodies, Vertices, tangents};
 use crate::ranks::Ranks;
@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 /// The part of a contact problem that does not change from load step to load step.
 ///
-/// [`ContactProblem`](super::ContactProblem) derefs to it. It knows of K what the method asks of it, but not K itself.
+/// [`ContactProblem`](super::ContactProblem) derefs to it. It knows the properties of K that the method needs, but not
+/// K itself.
 #[derive(Clone, Debug)]
 pub struct System<const D: usize = 2> {
     pub(super) n: usize,
@@ -34,12 +35,12 @@ pub struct System<const D: usize = 2> {
     pub(super) contact_compliance: Vec<f64>,
     /// Both together.
     pub(super) compliance: Vec<f64>,
-    /// Who has the other unknowns, where these are not all.
+    /// The ranks with the other unknowns, if this process has not all.
     pub(super) ranks: Ranks,
 }
 
 impl<const D: usize> System<D> {
-    /// From checked data, of which the first n unknowns are not there to complete a block.
+    /// From checked data, whose first n unknowns are those that do not merely complete a block.
     pub(super) fn new(data: &ContactData<D>, n: usize) -> Self {
         const { assert!(D == 2 || D == 3, "contact is in the plane or in space") };
         let k = &data.stiffness;
@@ -69,7 +70,7 @@ impl<const D: usize> System<D> {
         .with_rows(data.normal.clone(), data.tangential.clone())
     }
 
-    /// The same K with other rows of hard contact, whose areas are not known.
+    /// The same K with other rows of hard contact, whose areas are unknown.
     pub(super) fn with_rows(self, normal: Csr, tangential: Csr) -> Self {
         let m = normal.n_rows();
         let tangents = tangential.triplets().map(|(i, j, v)| (i + m, j, v));
@@ -88,7 +89,7 @@ impl<const D: usize> System<D> {
         }
     }
 
-    /// The corners of elements of second order, where there are such.
+    /// The corners of elements of second order, if there are any.
     pub fn vertices(&self) -> Option<&Arc<Vertices<D>>> {
         self.vertices.as_ref()
     }
@@ -103,7 +104,7 @@ impl<const D: usize> System<D> {
         self.n_free
     }
 
-    /// Rows of K: n or, where that is no multiple of D, the next one.
+    /// Rows of K: n, rounded up to a multiple of D.
     pub fn n_rows(&self) -> usize {
         self.diagonal.len()
     }
@@ -134,8 +135,8 @@ impl<const D: usize> System<D> {
         touched
     }
 
-    /// Who has the other unknowns, where these are not all: u, f, the columns of B and all that is as long as they are here is
-    /// then the part of this rank, and sums over the unknowns go over all ranks.
+    /// The ranks with the other unknowns, if this process has not all: u, f, the columns of B and all vectors over them are
+    /// then this rank's part, and sums over the unknowns go over all ranks.
     pub(crate) fn ranks(&self) -> &Ranks {
         &self.ranks
     }
@@ -186,14 +187,14 @@ impl<const D: usize> System<D> {
         &self.diagonal
     }
 
-    /// How far a multiplier would move its own contact node, per force, if nothing moved but the contact itself and each of the
-    /// unknowns that it acts on by itself: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ where it acts on one) and Cᵢᵢ, length D m; 0 for an empty
-    /// row of hard contact.
+    /// The compliance of a multiplier at its own contact node, if nothing moved except the contact itself and, one at a time,
+    /// the unknowns that it acts on: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ if it acts on one) and Cᵢᵢ, length D m; 0 for an empty row of
+    /// hard contact.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
     }
 
-    /// The part of it that is of K.
+    /// The part of it that comes from K.
     pub(crate) fn own_compliance(&self) -> &[f64] {
         &self.own_compliance
     }
@@ -204,7 +205,7 @@ impl<const D: usize> System<D> {
         &self.contact_compliance
     }
 
-    /// Makes contact compliant; what cannot slide has no compliance there.
+    /// Makes contact compliant; directions without sliding have no compliance.
     pub(super) fn set_compliance(&mut self, mut compliance: Vec<f64>) {
         let own = self.own_compliance.iter().enumerate();
         for (c, (i, own)) in compliance.iter_mut().zip(own) {
@@ -220,8 +221,8 @@ impl<const D: usize> System<D> {
         self.contact_compliance = compliance;
     }
 
-    /// The largest |u| of the body that each unknown is of, a body as far as K connects it: by what share of that rounding may have
-    /// moved the unknown. One that nothing is connected to has its own.
+    /// The largest |u| of the body of each unknown, where K defines the connected bodies: rounding moves the unknown by a part of
+    /// that. An unconnected unknown has its own.
     pub(crate) fn body_sizes(&self, u: &[f64]) -> Vec<f64> {
         let here = self
             .parts
@@ -257,8 +258,8 @@ impl<const D: usize> System<D> {
         rows
     }
 
-    /// M u − Cλ for N or T, over all ranks: what gap and slip bound, beyond what contact gives way by itself. `first` is the row
-    /// of λ that the first row of M belongs to.
+    /// M u − Cλ for N or T, over all ranks: the quantity that gap and slip bound, beyond the contact's own compression. `first`
+    /// is the row of λ for the first row of M.
     pub(crate) fn beyond_compliance(
         &self,
         rows: &Csr,
@@ -278,12 +279,12 @@ impl<const D: usize> System<D> {
         moved
     }
 
-    /// Whether K ties an unknown to another one; those it does not are held where they are.
+    /// Whether K ties an unknown to another one; an unconnected unknown is held in place.
     pub(crate) fn is_coupled(&self, unknown: usize) -> bool {
         self.coupled[unknown]
     }
 
-    /// " at (x, y)", in space " at (x, y, z)", for an unknown whose place is known.
+    /// " at (x, y)", in space " at (x, y, z)", for an unknown with a known position.
     pub(crate) fn place_of(&self, unknown: usize) -> String {
         match &self.coordinates {
             Some(points) if unknown / D < points.len() => {

@@ -46,7 +46,7 @@ fn block<const D: usize>(n: usize, triplets: &[(usize, usize, f64)]) -> BlockCsr
     BlockCsr::from_triplets(n, n, triplets.iter().copied())
 }
 
-/// The triplets with the rows and columns of these unknowns gone but for a diagonal.
+/// The triplets without the rows and columns of these unknowns, except for a diagonal.
 fn held(triplets: &[(usize, usize, f64)], unknowns: &[usize]) -> Triplets {
     let is_held = |i: &usize| unknowns.contains(i);
     let rest = triplets
@@ -108,7 +108,7 @@ fn a_cube_in_space_has_six_motions_and_supports_take_them() {
         check_motions(&k, &free);
         for body in free.bodies() {
             assert_eq!(body.freedom(), freedom);
-            // A node that is held altogether is a part of its own.
+            // A fully held node is a part of its own.
             let first = usize::from(supports.starts_with(&[0, 1, 2]));
             assert!(body.nodes().iter().copied().eq(first as u32..8));
             assert_eq!(body.centre(), [1.0, 0.5, 1.5]);
@@ -205,7 +205,7 @@ const U: [f64; 6] = [0.06, 0.08, -0.1, 0.0, 0.0, -0.2];
 const LAMBDA: [f64; 6] = [10.0, 4.0, 3.0, 4.0, -1.5, 0.5];
 
 #[test]
-fn conditions_in_space_hold_for_a_solution_and_for_nothing_else() {
+fn conditions_in_space_hold_only_for_a_solution() {
     let problem = ContactProblem::new(two_nodes(U, LAMBDA)).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((problem.n(), problem.m()), (6, 2));
     assert_eq!(problem.contact_matrix().n_rows(), 6);
@@ -218,7 +218,7 @@ fn conditions_in_space_hold_for_a_solution_and_for_nothing_else() {
     assert!(problem.floating_bodies().is_empty());
     let kkt = problem.kkt(&U, &LAMBDA);
     assert!(kkt.max() < 1e-14, "{kkt:?}");
-    // u or λ, the entry, and what it is moved by; equilibrium is lost each time.
+    // u or λ, the entry, and its change; equilibrium is lost each time.
     let broken = |of_u: bool, changes: &[(usize, f64)]| {
         let (mut u, mut lambda) = (U, LAMBDA);
         for &(i, by) in changes {
@@ -500,7 +500,7 @@ fn matrices_of_others_are_checked() {
     for starts in &[[0, 3, 2], [1, 2, 3], [0, 1, 2], [0, -1, 3], [0, 2, 4]] {
         said(
             k(SparseRef::from_rows(2, 2, starts, &[0, 1, 1], three)),
-            "pointers must not fall",
+            "pointers must not decrease",
         );
     }
     said(

@@ -1,19 +1,19 @@
-//! The vertices of elements of second order: what multigrid coarsens first.
+//! The corners of second-order elements: the first coarse level of multigrid.
 
 use crate::sparse::BlockCsr;
 use std::borrow::Cow;
 
-/// How the nodes of elements of second order follow their corners, and the stiffness matrix of these.
+/// The dependence of the nodes of second-order elements on their corners, and the stiffness matrix of the corners.
 ///
-/// A displacement that is linear along the edges is known from the corners alone. What such displacements do is most of what is
-/// soft, and the matrix that they have is that of the elements of first order on the same corners, with a seventh of the rows
-/// (Sundar, Stadler and Biros 2015 compare such hierarchies).
+/// A displacement that is linear along the edges is known from the corners alone. Such displacements contain most of the soft
+/// modes, and their matrix is that of first-order elements on the same corners, with a seventh of the rows (Sundar, Stadler and
+/// Biros 2015 compare such hierarchies).
 #[derive(Clone, Debug)]
 pub struct Vertices<const D: usize = 2> {
     /// From the displacements of the corners to those of all nodes: a block row for each node of K, a block column for each
     /// corner.
     pub prolongation: BlockCsr<D, D>,
-    /// The matrix of the corners; None where it is to be made as PᵀKP.
+    /// The matrix of the corners; None if it is to be made as PᵀKP.
     pub stiffness: Option<BlockCsr<D>>,
     /// The places of the corners.
     pub points: Vec<[f64; D]>,

@@ -2,12 +2,12 @@
 //!
 //! The bounds are a fixed point of g ↦ μλν(g), where λν(g) solves the problem with the given bounds g (Tresca), which
 //! is a minimisation and has a safeguard: successive approximation as in Nečas, Jarušek and Haslinger (1980),
-//! warm-started. Where monolithic steps give up, rounds mostly end with a certificate that nothing holds a body.
+//! warm-started. Where monolithic steps fail, rounds mostly end with a certificate that nothing holds a body.
 //!
-//! **Bodies that only contact holds** have to be balanced by the forces of each round. The bounds of a round are
-//! those of forces on or inside Coulomb's cones that balance the bodies, so that the round can; the forces
-//! found so far are projected there. If there are no such forces, no contact can hold the bodies, and the
-//! projection tells which way they are pushed.
+//! **Bodies that only contact holds** have to be balanced by the forces of each round. Its bounds come from forces on
+//! or inside Coulomb's cones that balance the bodies, so that the round can balance them too; these are the projection
+//! of the forces found so far. If there are no such forces, no contact can hold the bodies, and the projection gives
+//! the direction of the push.
 
 use super::{Event, Process, changes};
 use crate::constraint::{Disc, lawful};
@@ -23,7 +23,7 @@ pub(super) struct Rounds<const D: usize> {
     cones: Cones<D>,
     /// λ of the last one.
     pub lambda: Vec<f64>,
-    /// The bounds of the last one that was made, or of the first.
+    /// The bounds of the last round, or the initial ones.
     pub bounds: Vec<f64>,
     next: Vec<f64>,
     /// The tolerance of each.
@@ -39,7 +39,7 @@ impl<const D: usize> Rounds<D> {
     ) -> Self {
         let cones = Cones::new(&step.lawful);
         let bounds = cones.bounds(lambda);
-        // Bounds are a multiple of λ: they converge no further than it does.
+        // Bounds are a multiple of λ, so they are no more accurate than λ.
         let tolerance =
             (step.settings.ssnm.tolerance).min(step.settings.friction_tolerance() / MET);
         Self {
@@ -52,8 +52,8 @@ impl<const D: usize> Rounds<D> {
         }
     }
 
-    /// Makes rounds until the slip bounds have converged, or as many as there may be. The solution is that of the last one,
-    /// with the status of all.
+    /// Makes rounds until the slip bounds have converged, or up to the limit. The solution is that of the last one, with
+    /// the status of all.
     pub fn make<O: DualOperator + ?Sized, V: FnMut(Event) -> ControlFlow<()>>(
         &mut self,
         step: &mut Process<D, O, V>,
@@ -66,7 +66,7 @@ impl<const D: usize> Rounds<D> {
             self.lambda.clone_from(&solution.lambda);
             let lambda = &self.lambda;
 
-            // The law is μλν; where that could not balance the bodies, the next round tries other bounds.
+            // The law is μλν; if that could not balance the bodies, the next round tries other bounds.
             let law = step.lawful.bounds(lambda);
             let friction_change = step.relative(lambda, &changes(&law, &self.bounds));
             let next = self.cones.bounds(lambda);
@@ -79,7 +79,7 @@ impl<const D: usize> Rounds<D> {
                 (unbalanced, mechanism) = self.cones.unbalanced.clone();
             }
             if unbalanced.is_empty() && has_converged && friction_change > wanted {
-                // Bounds that balance the bodies have converged, but the pressures do not give them.
+                // Bounds that balance the bodies have converged, but differ from those of the pressures.
                 (unbalanced, mechanism) = self.cones.unbalanced_within(&law, lambda);
             }
             let status = if solution.status != Status::Converged {
@@ -115,9 +115,9 @@ type Unbalanced = (Vec<f64>, Vec<f64>);
 /// The slip bounds under which forces can balance the bodies that only contact holds.
 struct Cones<const D: usize> {
     problem: ContactProblem<D, Elsewhere>,
-    /// Where there are such bodies and Coulomb friction.
+    /// If there are such bodies and Coulomb friction.
     balance: Option<Balance>,
-    /// What no forces on the cones can balance, and the motion that it drives; empty where all is well.
+    /// The load that no forces on the cones can balance, and the motion that it drives; empty if there is none.
     unbalanced: Unbalanced,
 }
 
@@ -154,7 +154,7 @@ impl<const D: usize> Cones<D> {
         balance.nearest(lambda, |i, z: [f64; D]| lawful(given[i], self.mu(i), z))
     }
 
-    /// What forces within the given bounds cannot balance; empty where they can.
+    /// The load that forces within the given bounds cannot balance; empty if they can.
     fn unbalanced_within(&self, bounds: &[f64], lambda: &[f64]) -> Unbalanced {
         let Some(balance) = &self.balance else {
             return Unbalanced::default();

@@ -1,10 +1,11 @@
 //! Bodies that only contact holds, on weak springs.
 //!
-//! Under Coulomb's law forces that balance a body may exist (a block turned about its vertical axis could stand on its
-//! corners) without any motion that they belong to. With weak springs between the bodies and where they were there is
-//! always a state: held bodies hardly feel the springs, others move until those bear what contact and friction do not.
+//! Under Coulomb's law forces that balance a body may exist (a block turned about its vertical axis could rest on its
+//! corners) that belong to no motion. With weak springs between the bodies and their earlier positions a state always
+//! exists: held bodies hardly feel the springs, others move until the springs bear the part of the load that contact
+//! and friction do not.
 //!
-//! Springs of stiffness k on each of the motions R, whose columns are orthonormal, make K + k R Rᵀ of K:
+//! Springs of stiffness k on each of the motions R, with orthonormal columns, turn K into K + k R Rᵀ:
 //!
 //! ```text
 //! u = (1 − R Rᵀ) K⁺ (1 − R Rᵀ)(f − Bᵀλ) + R α,    α = Rᵀ(f − Bᵀλ) / k
@@ -18,18 +19,18 @@ use crate::ssnm::Solution;
 use std::sync::Arc;
 
 /// k is so small that springs which bear the whole load would take up this many times the work of the contact forces on their
-/// own nodes. A body that is held then moves as if there were none; one that is pushed by 1e-4 more than it bears moves until
+/// own nodes. A held body then moves as if there were no springs; one that is pushed by 1e-4 more than it bears moves until
 /// the springs take up more work than the contact. From 1e4 to 1e8 a block turned 3 % beyond its friction takes 24 to 25 steps
 /// and leaves the springs 3.73 to 3.77; with 1e10 one in four no longer converges.
 pub(super) const WEAK: f64 = 1e8;
 
-/// What becomes of bodies on weak springs.
+/// The result for bodies on weak springs.
 pub(super) enum Springs<const D: usize> {
     /// Not found.
     Break,
-    /// The springs hardly notice: λ of bodies that are held, or on the edge of it.
+    /// The springs bear hardly anything: λ of bodies that are held, or at the limit of it.
     Idle(Vec<f64>),
-    /// The springs bear what contact and friction do not: the bodies are not held.
+    /// The springs bear a part that contact and friction do not: the bodies are not held.
     Bear(Box<Solution<D>>),
 }
 
@@ -62,7 +63,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
         })
     }
 
-    /// The part along motions, R Rᵀx: its coefficients, which are taken out of x.
+    /// The part along motions, R Rᵀx: its coefficients, which are removed from x.
     fn take_out(&self, x: &mut [f64]) -> Vec<f64> {
         let along = self.problem.floating_bodies().resultants(x);
         let back: Vec<f64> = along.iter().map(|a| -a).collect();

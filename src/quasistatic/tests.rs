@@ -1,4 +1,4 @@
-//! Tests of load steps: what is handed over, errors that keep what was reached.
+//! Tests of load steps: data passed between them, errors that keep results so far.
 
 use super::*;
 use crate::control::{Accuracy, Stop};
@@ -122,7 +122,7 @@ fn an_error_keeps_the_rounds_made() {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error() {
+fn misfits_are_errors() {
     let (problem, other) = (springs(1), springs(2));
     let good = StepSettings::default();
     let load = Load::of(&problem);
@@ -227,7 +227,7 @@ fn a_block_on_springs() {
     let u = dense::solve(k.clone(), &forces);
     b.mul(&u, &mut expected);
     close(&found, &expected);
-    // K u of what it finds are the forces again.
+    // K u of the result gives the forces again.
     let product = on_springs.stiffness_times(&u, &u);
     close(
         &product.unwrap_or_else(|error| panic!("{error}"))[0],

@@ -1,4 +1,4 @@
-//! A group of ranks: an MPI communicator, with what is asked of it.
+//! A group of ranks: an MPI communicator with its operations.
 
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
@@ -16,7 +16,7 @@ const MESSAGE: usize = 1 << 30;
 /// Ranks that work on one problem together.
 pub struct Group {
     world: SimpleCommunicator,
-    /// Nanoseconds spent in sums and the like, waiting for others included, and how many these were.
+    /// Nanoseconds spent in collective operations, including waiting, and their number.
     nanoseconds: AtomicU64,
     calls: AtomicU64,
 }
@@ -34,7 +34,7 @@ impl fmt::Debug for Group {
 }
 
 impl Group {
-    /// The ranks of a communicator, which is duplicated: what they send here meets no messages of others. Collective.
+    /// The ranks of a communicator, which is duplicated, so that messages here never mix with others. Collective.
     pub fn of(communicator: &impl Communicator) -> Self {
         Self {
             world: communicator.duplicate(),
@@ -48,7 +48,7 @@ impl Group {
         self.world.rank() as usize
     }
 
-    /// How many there are.
+    /// The number of ranks.
     pub fn size(&self) -> usize {
         self.world.size() as usize
     }
@@ -58,7 +58,7 @@ impl Group {
         &self.world
     }
 
-    /// Seconds spent in sums and what is like them, waiting for others included, and how many these were.
+    /// Seconds spent in collective operations, including waiting, and their number.
     pub fn spent(&self) -> (f64, u64) {
         let nanoseconds = self.nanoseconds.load(Ordering::Relaxed);
         (
@@ -76,7 +76,7 @@ impl Group {
         made
     }
 
-    /// Combines entry by entry on rank 0, and hands the outcome to all.
+    /// Combines entry by entry on rank 0, and sends the result to all.
     fn combine(&self, values: &mut [f64], how: SystemOperation) {
         if self.size() == 1 || values.is_empty() {
             return;
@@ -100,7 +100,7 @@ impl Group {
 
     /// The largest value; NaN if there is one.
     pub(crate) fn max(&self, value: f64) -> f64 {
-        // What MPI makes of NaN is its own matter.
+        // MPI does not define the result for NaN.
         let mut both = [value, f64::from(u8::from(value.is_nan()))];
         if value.is_nan() {
             both[0] = f64::NEG_INFINITY;
@@ -135,7 +135,7 @@ impl Group {
         })
     }
 
-    /// What each rank counts.
+    /// The count of each rank.
     pub(crate) fn counts(&self, here: usize) -> Vec<usize> {
         let all = self.joined(&[here as f64]);
         all.into_iter().map(|count| count as usize).collect()
@@ -146,12 +146,12 @@ impl Group {
         self.world.barrier();
     }
 
-    /// Whether any rank says so.
+    /// Whether this is true on any rank.
     pub fn any(&self, here: bool) -> bool {
         self.max(f64::from(u8::from(here))) > 0.0
     }
 
-    /// Hands what rank 0 has to all.
+    /// Sends the value of rank 0 to all.
     pub fn broadcast<T: Serialize + DeserializeOwned>(&self, value: Option<T>) -> T {
         let root = self.world.process_at_rank(0);
         let mut bytes = match &value {
@@ -178,7 +178,7 @@ impl Group {
         bytes.chunks(MESSAGE).for_each(|part| to.send(part));
     }
 
-    /// Receives what another rank has sent.
+    /// Receives a message of another rank.
     pub(crate) fn receive<T: DeserializeOwned>(&self, from: usize) -> T {
         let from = self.world.process_at_rank(from as i32);
         let (length, _) = from.receive::<u64>();

@@ -32,8 +32,8 @@ pub const CASE_C: Solid = Solid {
     tresca: 3e6,
 };
 
-/// A slender beam of 10 × 1 × 1, pressed down but for its end and pulled sideways there: bending dwarfs everything else in
-/// A, and pressures nearly vanish over much of the base.
+/// A slender beam of 10 × 1 × 1, pressed down except at its end and pulled sideways there: bending dwarfs everything else
+/// in A, and pressures nearly vanish over much of the base.
 pub const BEAM: Solid = Solid {
     size: [10.0, 1.0, 1.0],
     top: |[x, y, _]| [0.0, 0.0, if x < 7.0 { -2e6 * (1.0 + y) } else { 0.0 }],
@@ -63,7 +63,7 @@ impl Solid {
         block([0.0; 3], self.size, cells, shape, "body", "")
     }
 
-    /// The problem on a mesh, which may be made of [`Self::mesh`].
+    /// The problem on a mesh, for example [`Self::mesh`].
     pub fn problem_on(&self, mesh: &Mesh<3>) -> Result<ContactProblem<3>, ReferenceError> {
         let body = Body {
             mesh,

@@ -7,17 +7,17 @@ use faer::{Conj, Mat, Par};
 
 const PAR: Par = Par::Seq;
 
-/// What all matrices with a pattern have in common.
+/// The common structure of all matrices with a pattern.
 pub(crate) struct Pattern {
     n: usize,
-    /// Where columns begin, and their rows, sorted.
+    /// The starts of columns, and their rows, sorted.
     starts: Vec<usize>,
     rows: Vec<usize>,
     symbolic: lu::SymbolicLu<usize>,
 }
 
 impl Pattern {
-    /// That of a square matrix in compressed columns; None where there is no memory for it.
+    /// The pattern of a square matrix in compressed columns; None if memory is short.
     pub fn new(starts: Vec<usize>, rows: Vec<usize>) -> Option<Self> {
         let n = starts.len() - 1;
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &starts, None, &rows);

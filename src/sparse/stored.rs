@@ -1,4 +1,4 @@
-//! Matrices as kernels take them: blocks of a shape that is known at run time, 32-bit indices, in f32 or f64.
+//! Matrices in the form that kernels take: blocks of a shape known at run time, 32-bit indices, in f32 or f64.
 
 use super::{BlockCsr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
@@ -43,11 +43,11 @@ impl Real for f64 {
     }
 }
 
-/// A square matrix in f64 whose block shape is no matter of its type: what backends take K as.
+/// A square matrix in f64 whose block shape is not part of its type: the form in which backends take K.
 pub trait SquareBlocks: Send + Sync {
     /// Rows of a block.
     fn block(&self) -> usize;
-    /// Where each block row starts among the stored blocks, and the number of blocks at the end.
+    /// The start of each block row among the stored blocks, and the number of blocks at the end.
     fn row_ptr(&self) -> &[usize];
     /// The block columns of all stored blocks, row by row.
     fn col_idx(&self) -> &[u32];
@@ -57,9 +57,9 @@ pub trait SquareBlocks: Send + Sync {
     fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64;
     /// y −= K x.
     fn subtract_product(&self, x: &[f64], y: &mut [f64]);
-    /// K x, and |K| s: what the entries of K x are sums of, where those of x are known to s.
+    /// K x, and |K| s: the rounding scale of K x where the entries of x are known to s.
     fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2];
-    /// Hands out the stored scalar entries (row, column, value), row by row.
+    /// Passes the stored scalar entries (row, column, value), row by row.
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64));
 
     /// Scalar rows.
@@ -126,9 +126,9 @@ impl<const B: usize> SquareBlocks for BlockCsr<B> {
 
 /// A sparse matrix of blocks in compressed block rows, ready to upload.
 ///
-/// Block row `i` owns the blocks `row_ptr[i]..row_ptr[i + 1]`; block k stands in block column
-/// `col_idx[k]`, and its entries, row by row, in `values[k·rows·columns..]`. Kernels rely on these indices: they
-/// come from a [`BlockCsr`] only.
+/// Block row `i` owns the blocks `row_ptr[i]..row_ptr[i + 1]`; block k is in block column `col_idx[k]`, and its
+/// entries, row by row, in `values[k·rows·columns..]`. Kernels rely on these indices: they come from a [`BlockCsr`]
+/// only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockMatrix<S> {
     block: [usize; 2],

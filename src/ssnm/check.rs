@@ -1,4 +1,4 @@
-//! Step 1, with the final check of what meets it, and the end of a solve.
+//! Step 1, the final check of points that meet it, and the end of a solve.
 
 use super::goal::Goal;
 use super::newton::{Newton, Way};
@@ -12,13 +12,13 @@ use crate::problem::Kkt;
 pub(super) enum Ended {
     /// It is the last one.
     With(Status),
-    /// Its r has been made afresh: it has to be looked at again.
+    /// Its r has been recomputed: it has to be checked again.
     Again,
     /// Another step is due.
     NotYet,
 }
 
-/// How a solve has ended, and at which error relative to what that is measured by.
+/// The end of a solve, and its error relative to its scale.
 pub(super) struct End {
     pub status: Status,
     pub u: Vec<f64>,
@@ -27,8 +27,7 @@ pub(super) struct End {
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Step 1: whether err ≤ ε err⁰, and more than that: pressures as accurate as ε asks for, and conditions that hold
-    /// against K.
+    /// Step 1: err ≤ ε err⁰ and, beyond it, pressures as accurate as ε requires, and conditions that hold against K.
     pub fn step_1(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         let local_error = self.local_error(&way.point.lambda);
         let rounding = self.rounding(&way.point);
@@ -48,7 +47,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if way.err > goal.err && !self.products.tighten(self.tolerance) {
             self.refine(way)?;
         }
-        // Where a stiff body is moved, ‖f‖ says little about the loads of a soft one, and u may be far off.
+        // Where a stiff body moves, ‖f‖ says little about the loads of a soft one, and u may be far off.
         let closer = (goal.err / way.err).min(self.numbers.sharper);
         self.check_accuracy = (closer * self.check_accuracy).max(EXACT);
         Ok(Ended::Again)
@@ -62,7 +61,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.make_exact(&mut way.point)?;
         way.err = self.update_error(&mut way.point);
         if way.err > self.rounding(&way.point) {
-            // An error that steps take away and u has again and again is that of u.
+            // An error that steps remove and that u brings back again and again is the error of u.
             goal.checks += 1;
             return Ok(match goal.checks > self.numbers.checks {
                 true => Ended::With(Status::Stagnated),
@@ -72,8 +71,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if self.meets(goal, &way.point, way.err) {
             return Ok(Ended::Again);
         }
-        // Forces that rounding has left where nothing touches are gone after a projected gradient step; no gap tells
-        // whether it was made.
+        // Forces that rounding has left at open nodes vanish after a projected gradient step; no gap shows whether it
+        // was made.
         let step = self.step_from(&way.point, self.rho());
         let end = Point {
             lambda: step.end,
@@ -83,7 +82,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             way.point = end;
             return Ok(Ended::Again);
         }
-        // After unloading they may be those of slip that is rounding of the way before: none are as good.
+        // After unloading they may belong to slip that is only rounding of the earlier motion: zero is as good.
         let err = self.error(&way.first);
         if err <= self.rounding(&way.first) && self.meets(goal, &way.first, err) {
             way.point.clone_from(&way.first);
@@ -96,8 +95,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         })
     }
 
-    /// Makes r from a refined u from here on, where K is so badly conditioned that rounding of K⁻¹ hides what the goal asks for;
-    /// false where nothing is to be gained.
+    /// Computes r from a refined u from here on, if K is so badly conditioned that rounding of K⁻¹ hides the accuracy of the
+    /// goal; false if there is nothing to gain.
     fn refine(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
         if !self.products.refine() {
             return Ok(false);
@@ -122,7 +121,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// The final check of a point that meets the goal: u from K⁻¹, and the optimality conditions against K.
     ///
-    /// None, with a goal that is harder to meet and an r that is made afresh, if they are not yet met.
+    /// None, with a stricter goal and a recomputed r, if they are not yet met.
     fn verify(&mut self, point: &mut Point, goal: &mut Goal) -> Result<Option<Status>, DualError> {
         let tolerance = self.tolerance;
         let mut u = self.displacement(point, self.check_accuracy, self.products.stop)?;
@@ -135,14 +134,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         goal.err = goal.err.max(self.rounding(point));
         let (lambda, r) = self.unscaled(point);
         let forces = goal.forces_met(self.problem, &lambda, &r, &self.moved);
-        // Equilibrium does not depend on λ: no further step can mend it. A goal that was met again and
-        // again and still fails the check is at the limit of rounding.
+        // Equilibrium does not depend on λ: no further step can repair it. A goal that was met again and again and
+        // still fails the check is at the limit of rounding.
         let status = if err <= goal.err * (1.0 + 1e-6) && forces && kkt.max() <= MET * tolerance {
             Status::Converged
         } else if !(kkt.equilibrium <= MET * tolerance) || goal.checks >= self.numbers.checks {
             Status::Stagnated
         } else {
-            // An err that is not met came from the accuracy of u: the next check has a better one.
+            // A missed err came from the accuracy of u: the next check has a better one.
             if err <= goal.err || self.check_accuracy <= EXACT {
                 goal.checks += 1;
             }
@@ -156,7 +155,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(Some(status))
     }
 
-    /// u at a point but for the motions of floating bodies, to a residual relative to the acting forces.
+    /// u at a point, up to the motions of floating bodies, to a residual relative to the acting forces.
     pub fn displacement(
         &mut self,
         point: &Point,
@@ -172,7 +171,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         } else {
             (self.products).displacement(&point.lambda, residual, &stop)?
         };
-        // Whichever K⁺ it was: bodies stay where they were as far as contact lets them.
+        // Whatever K⁺ was: bodies stay in place as far as contact allows.
         let floating = self.problem.floating_bodies();
         let back: Vec<f64> = floating
             .resultants(&u)
@@ -191,7 +190,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         conditions(self.problem, &mut self.products.dual, u, &lambda)
     }
 
-    /// How a solve has ended.
+    /// The end of a solve.
     pub fn end(
         &mut self,
         way: &mut Way<D>,
@@ -199,8 +198,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     ) -> Result<End, DualError> {
         let (mut status, u, kkt) = self.last_check(&mut way.point, outcome)?;
         let err_relative = self.relative(&mut way.point, way.err0);
-        // However it came about: what meets all conditions is a solution. After unloading, forces are known no better than
-        // those before, which slip is counted from: rounding may hide what is left of them.
+        // A point that meets all conditions is a solution, however it was found. After unloading, forces are no more
+        // accurate than those before, from which slip is measured: rounding may hide the remaining forces.
         if status == Status::Stagnated && kkt.max() <= MET * self.tolerance {
             let now = way.err0.max(self.local_error(&way.point.lambda));
             let err = err_relative * now / now.max(self.local_error(&self.before));
@@ -219,8 +218,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         })
     }
 
-    /// The status, with u and the optimality conditions: those of the final check or, where there was none,
-    /// as far as they are known. Whoever has asked to stop does not wait for more than ε.
+    /// The status, with u and the optimality conditions: those of the final check or, without one, as far as they are
+    /// known. After an interrupt no more accuracy than ε is computed.
     fn last_check(
         &mut self,
         point: &mut Point,

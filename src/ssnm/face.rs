@@ -1,4 +1,4 @@
-//! What is free in an outer step, how it moves, and how the circles of space curve.
+//! The free multipliers in an outer step, their motion, and the curvature of circles in space.
 
 use super::law::Law;
 use super::point::Point;
@@ -18,19 +18,19 @@ use std::rc::Rc;
 /// min ½ zᵀ(A + diag κ)z + zᵀr. It costs no product with A.
 pub(super) struct Face<const D: usize> {
     pub sets: Sets<D>,
-    /// μ where the tangential multipliers follow the normal one, 0 on all other nodes; empty where there is none.
+    /// μ where the tangential multipliers follow the normal one, 0 at all other nodes; empty if there is no such node.
     follows: Vec<f64>,
-    /// Where circles curve.
+    /// The curvature of circles, if any.
     curvature: Option<Curvature>,
     /// G F, where bodies can move as a whole.
     balance: Option<FaceBalance<D>>,
 }
 
-/// What is added to A on slipping nodes in space.
+/// The curvature term added to A on slipping nodes in space.
 struct Curvature {
     /// κ of each node, 0 where nothing turns.
     kappa: Vec<f64>,
-    /// What an entry of diag(A) is like: c.
+    /// The typical entry of diag(A): c.
     mean: f64,
 }
 
@@ -58,7 +58,7 @@ impl<const D: usize> Face<D> {
         }
     }
 
-    /// Linearises the circles at a point on the face. `mean` is what an entry of diag(A) is like.
+    /// Linearises the circles at a point on the face. `mean` is the typical entry of diag(A).
     pub fn set_curvature(&mut self, point: &Point, mean: f64) {
         if self.sets.turn() {
             self.curvature = Some(Curvature::new(&self.sets, point, mean));
@@ -75,7 +75,7 @@ impl<const D: usize> Face<D> {
         self.follows.is_empty()
     }
 
-    /// From y, whatever it is elsewhere, to F y that leaves the bodies in balance.
+    /// Turns y, arbitrary on other multipliers, into an F y that leaves the bodies in balance.
     pub fn direction(&self, y: &mut [f64]) {
         self.lift(y);
         if let Some(balance) = &self.balance {
@@ -94,7 +94,7 @@ impl<const D: usize> Face<D> {
         }
     }
 
-    /// The part of a gradient that a step has to remove: on the free multipliers, but for motions of the bodies.
+    /// The part of a gradient that a step has to remove: on the free multipliers, without motions of the bodies.
     pub fn residual(&self, r: &mut [f64]) {
         self.sets.mask(r);
         if let Some(balance) = &self.balance {
@@ -102,7 +102,7 @@ impl<const D: usize> Face<D> {
         }
     }
 
-    /// Balances the bodies by what is free; false where that cannot.
+    /// Balances the bodies by the free multipliers; false if that is impossible.
     pub fn balance(&self, lambda: &mut [f64]) -> bool {
         self.balance
             .as_ref()
@@ -198,7 +198,7 @@ mod tests {
         }
     }
 
-    /// Back on the circle after a step along the tangent, q is that of the model but for the third order.
+    /// Back on the circle after a step along the tangent, q is that of the model up to the third order.
     #[test]
     fn the_model_is_q_along_the_circle() {
         let g = [0.5, 9.0];

@@ -1,4 +1,4 @@
-//! What a point has to meet before the final check is worth its price.
+//! The conditions on a point before the final check is worth its price.
 
 use super::Numbers;
 use crate::constraint::{Disc, at, put};
@@ -7,7 +7,7 @@ use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use std::array::from_fn;
 
-/// The goal of a solve; all in the units of the problem but for `err`.
+/// The goal of a solve; all in the units of the problem except `err`.
 pub(super) struct Goal {
     /// err at most.
     pub err: f64,
@@ -16,7 +16,7 @@ pub(super) struct Goal {
     numbers: Numbers,
     /// Penetration, gaps under forces, and slip where there should be none, at most, beyond rounding; known after the first check.
     pub slack: f64,
-    /// |λνᵀ(Nu − d)| / ‖λ‖ at most; likewise.
+    /// |λνᵀ(Nu − d)| / ‖λ‖ at most, as above.
     pub work: f64,
     /// Final checks that failed.
     pub checks: usize,
@@ -38,7 +38,7 @@ impl Goal {
         }
     }
 
-    /// Whether a point with gradient r and error err meets it; `moved` as [`Goal::forces_met`] has it. Written so that NaN
+    /// Whether a point with gradient r and error err meets it; `moved` as in [`Goal::forces_met`]. Written so that NaN
     /// never passes.
     pub fn met<const D: usize, K>(
         &self,
@@ -82,14 +82,13 @@ impl Goal {
             && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
     }
 
-    /// Whether what the gradient r at a point could still move a pressure or a traction by is as small a part of the largest
-    /// pressure (without pressure, of the largest traction) as ε asks for.
+    /// Whether the possible change of a pressure or a traction by the gradient r at a point is as small a part of the largest
+    /// pressure (without pressure, of the largest traction) as ε requires.
     ///
-    /// Gaps r in what ought to be closed are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if nothing but
-    /// the unknowns under the contact moved: neighbours that meet the same unknowns share them, and a fine mesh on a coarse soft
-    /// one has patterns of force that only its own unknowns resist. No gap is known better than to the rounding of what it is the
-    /// difference of, and a force that closes less is none: of displacements up to `moved` in its row, whatever is left of them in
-    /// B u.
+    /// Gaps r in closed contacts are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if only the unknowns
+    /// under the contact moved: neighbours over the same unknowns share them, and a fine mesh on a coarse soft one has patterns of
+    /// force that only its own unknowns resist. No gap is more accurate than the rounding of its terms, and a force that closes
+    /// less counts as zero. These terms are displacements up to `moved` in its row, even if they cancel in B u.
     pub fn forces_met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
@@ -104,7 +103,7 @@ impl Goal {
         let bounds = problem.bounds(lambda);
         let rounding = rounding(problem, lambda, r, moved);
         let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
-        // The gap that each node would close by itself, as far as its law lets it.
+        // The gap that each node would close by itself, as far as its law permits.
         let mut missing = vec![0.0; r.len()];
         for (i, disc) in nodes() {
             let [node, slope, c, none] = [lambda, r, compliance, &rounding].map(|x| at::<D>(x, i));
@@ -147,13 +146,13 @@ impl Goal {
                 off = off.max(moved);
             }
         }
-        // Under given bounds tractions may be all there is.
+        // Under given bounds there may be only tractions.
         let largest = if pressure > 0.0 { pressure } else { traction };
         largest == 0.0 || off <= forces * self.tolerance * largest
     }
 }
 
-/// What each entry of r may be off by through rounding alone.
+/// The rounding of each entry of r.
 fn rounding<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     lambda: &[f64],
@@ -166,8 +165,8 @@ fn rounding<const D: usize, K>(
     problem.rounding(moved.collect(), lambda)
 }
 
-/// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN where
-/// that cannot be.
+/// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN if
+/// they break down.
 fn close_alone<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     missing: &[f64],
@@ -249,10 +248,10 @@ mod tests {
         .unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// (B D⁻¹ Bᵀ) has the blocks 1 + J/under, J all ones: (1 + 2/under)⁻¹ for what both nodes of a pair do together,
-    /// and 1 for what they do against each other, however soft the other side is.
+    /// (B D⁻¹ Bᵀ) has the blocks 1 + J/under, J all ones: (1 + 2/under)⁻¹ for equal forces on both nodes of a pair, and
+    /// 1 for opposite ones, however soft the other side is.
     #[test]
-    fn what_the_other_side_does_not_see_is_closed_by_the_own_one() {
+    fn a_side_unseen_by_the_other_closes_by_itself() {
         let problem = four_on_two(1e-3);
         let closed = |missing: [f64; 4]| close_alone(&problem, &[missing, [0.0; 4]].concat(), 10);
         let found = closed([1.0, 1.0, 1.0, -1.0]);
@@ -284,7 +283,8 @@ mod tests {
         lambda[0] = 0.0;
         assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         assert!(met(&lambda, [5000.0, 0.0, 0.0, 0.0]) && !met(&lambda, [-5000.0, 0.0, 0.0, 0.0]));
-        // Rounding of a way of 10⁹ is 7e-6: less than what small forces close is none, somewhat more is not known well enough.
+        // Rounding of a displacement of 10⁹ is 7e-6: less than small forces close counts as zero, slightly more is not
+        // accurate enough.
         let near = four_on_two(1e-3);
         let mut case = near.load_case().clone();
         case.travelled = Some(vec![1e9; 6].into());
@@ -296,7 +296,7 @@ mod tests {
                 expected,
                 "{size:e}"
             );
-            // So is it where B u is what is left of displacements of that size.
+            // The same holds if B u is a difference of displacements of that size.
             assert_eq!(
                 goal.forces_met(&near, &lambda, &[0.0; 8], &[1e9; 8]),
                 expected,

@@ -31,14 +31,14 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 }
 
 /// CGM(A, b, 𝒜, λ, tol): lowers Zᵀr on the free multipliers, Z their columns, until its norm is at most `target`; λ moves by F y.
-/// `product` is A p, or None to stop. A direction that A curves q along by less than `flat` is one of rounding.
+/// `product` is A p, or None to stop. A direction along which A curves q by less than `flat` is only rounding.
 ///
-/// All directions p = F y and what the free multipliers see of A p are kept, q = Zᵀ A p, and each step is the best on their span.
-/// - F = Z: with pᵢᵀqⱼ = 0 it makes q(λ) least. These are the conjugate gradients of the paper.
+/// All directions p = F y are kept with the free part of A p, q = Zᵀ A p, and each step is the best on their span.
+/// - F = Z: with pᵢᵀqⱼ = 0 it minimises q(λ). These are the conjugate gradients of the paper.
 /// - Under Coulomb's law, where on a node that slips in the direction s λτ = sμλν, Zᵀ A F is not symmetric: with qᵢᵀqⱼ = 0 it
-///   makes ‖Zᵀr‖ least (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
+///   minimises ‖Zᵀr‖ (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
 ///
-/// Where circles curve, A is A + diag κ, and the residual is preconditioned. It also ends where a direction or its image has
+/// Where circles curve, A is A + diag κ, and the residual is preconditioned. It also ends when a direction or its image adds
 /// nothing new, and after somewhat more than twice as many iterations as there are free multipliers. Returns their number.
 fn minimise<const D: usize, E>(
     point: &mut Point,
@@ -49,12 +49,12 @@ fn minimise<const D: usize, E>(
 ) -> Result<usize, E> {
     // p, A p, that with the curvature of circles, and q.
     let mut known: Vec<[Vec<f64>; 4]> = Vec::new();
-    // What is orthogonal to the q of others: p or q.
+    // The vectors orthogonal to the q of others: p or q.
     let own = if face.is_symmetric() { 0 } else { 3 };
     // On the way r is the gradient of the model: at the λ where circles are linearised the two are the same.
     let mut r = point.r.clone();
     let mut stuck: Option<Vec<f64>> = None;
-    // What exact arithmetic would need, and something for rounding.
+    // As many as exact arithmetic would need, and some for rounding.
     let most = 2 * face.sets.n_free() + 50;
     for iteration in 0..most {
         let mut rest = r.clone();
@@ -63,7 +63,7 @@ fn minimise<const D: usize, E>(
         if residual <= target {
             return Ok(iteration);
         }
-        // Where the residual does not fall along itself, its image is a direction that has not been tried.
+        // If the residual does not fall along itself, its image is an untried direction.
         let mut p = stuck
             .take()
             .unwrap_or_else(|| rest.iter().map(|r| -r).collect());
@@ -135,7 +135,7 @@ mod tests {
         products.iter().zip(B).map(|(a, b)| a - b).collect()
     }
 
-    /// The face of these sets, and what is found on it from this λ.
+    /// The face of these sets, and the result on it from this λ.
     fn solved(law: &Law, z: [f64; 6], lambda: [f64; 6]) -> (Point, usize) {
         let g = law.bounds(&z).into_owned();
         let sets = Sets::<2>::predict(&z, &[0.0; 6], 1.0, &g);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gradient_vanishes_on_what_is_free_and_nothing_else_moves() {
+    fn the_gradient_vanishes_on_free_multipliers_and_the_rest_stays() {
         // Two nodes stick; the third is apart, with its tangent at the bound.
         let law = Law::with(3, 0.5, 0.0);
         let (point, iterations) = solved(&law, [1.0, 1.0, -1.0, 0.1, -0.2, 9.0], [0.0; 6]);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_where_nothing_resists_and_where_it_is_told_to() {
+    fn it_ends_without_resistance_and_on_request() {
         let law = Law::with(1, 1.0, 0.0);
         let face = || {
             Face::new(

@@ -1,13 +1,13 @@
-//! The contact problem where A is at hand as a matrix: Newton's method in z, as many unknowns as there are multipliers.
+//! The contact problem where A is available as a matrix: Newton's method in z, with one unknown per multiplier.
 //!
-//! λ = P(z) solves the problem on A + τI next to λᵏ, (rᵏ + (A + τI)(λ − λᵏ)) taking the place of Aλ − b, where
+//! λ = P(z) solves the problem on A + τI next to λᵏ, with rᵏ + (A + τI)(λ − λᵏ) instead of Aλ − b, where
 //!
 //! b(z − P(z)) + rᵏ + (A + τI)(P(z) − λᵏ) = 0,
 //!
-//! P the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. Where contacts depend on each other,
-//! as those of rigid bodies do, A is singular on the sets of the solution, and forces are not unique: τ, a small part of b,
-//! takes those next to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976; Acary, Brémond and Huber compare it
-//! with others for such contacts, On solving contact problems with Coulomb friction: formulations and numerical comparisons, 2018).
+//! and P is the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. If contacts depend on each other,
+//! like those of rigid bodies, A is singular on the sets of the solution, and forces are not unique: τ, a small part of b, selects
+//! those nearest to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976; Acary, Brémond and Huber compare it with
+//! others for such contacts, On solving contact problems with Coulomb friction: formulations and numerical comparisons, 2018).
 
 use super::Numbers;
 use super::law::Law;
@@ -19,13 +19,13 @@ use crate::sparse::lu::Pattern;
 use crate::sparse::{BlockCsr, Csr, add_times, difference, norm};
 use std::array::from_fn;
 
-/// Iterations for the λ of one node in a sweep at most: the next sweep goes on where these end.
+/// The most iterations for the λ of one node in a sweep: the next sweep continues after them.
 const LOCAL: usize = 100;
 
 /// A, node by node.
 pub(super) struct Known<const D: usize> {
     blocks: BlockCsr<D>,
-    /// That of Newton's matrix.
+    /// The pattern of Newton's matrix.
     pattern: Pattern,
     /// The mean of the diagonal.
     mean: f64,
@@ -36,7 +36,7 @@ pub(super) struct Known<const D: usize> {
 }
 
 impl<const D: usize> Known<D> {
-    /// Takes A apart; None where it is zero, or there is no memory for it.
+    /// Splits A; None if it is zero, or there is no memory for it.
     pub fn new(matrix: &Csr, proximal: f64) -> Option<Self> {
         let (n, m) = (matrix.n_rows(), matrix.n_rows() / D);
         let place = |row: usize| match row.checked_sub(m) {
@@ -44,7 +44,7 @@ impl<const D: usize> Known<D> {
             Some(t) => D * (t / (D - 1)) + 1 + t % (D - 1),
         };
         let entries = (matrix.triplets()).map(|(i, j, v)| (place(i), place(j), v));
-        // Newton's matrix has a diagonal whatever A has.
+        // Newton's matrix has a diagonal even where A has none.
         let all = entries.chain((0..n).map(|i| (i, i, 0.0)));
         let blocks = BlockCsr::<D>::from_triplets(n, n, all);
         let mut starts = vec![0];
@@ -72,7 +72,7 @@ impl<const D: usize> Known<D> {
         self.is_stuck
     }
 
-    /// Makes steps longer where the last one led on, down to the least τ, and shorter where it did not.
+    /// Makes steps longer after progress, down to the least τ, and shorter otherwise.
     pub fn adapt(&mut self, leads_on: bool, numbers: &Numbers) {
         self.is_stuck = !leads_on;
         self.proximal = match leads_on {
@@ -89,7 +89,7 @@ impl<const D: usize> Known<D> {
     }
 
     /// A sweep of projected Gauss–Seidel: node by node the λ that obeys the law while all others stay; r follows. Newton's method
-    /// may have no way down where many contacts depend on each other, sweeps always have one.
+    /// may have no descent where many contacts depend on each other, sweeps always have one.
     pub fn sweep(&self, law: &Law, point: &mut Point) {
         let Point { lambda, r, .. } = point;
         for i in 0..lambda.len() / D {
@@ -107,7 +107,8 @@ impl<const D: usize> Known<D> {
                     let more: f64 = (0..D).map(|c| own[a][c] * (now[c] - before[c])).sum();
                     slope[a] + more
                 });
-                // What slides is to be lifted off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng 1998).
+                // A sliding node is to lift off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng
+                // 1998).
                 moved[0] += law.mu(i) * tangential(moved);
                 let next = law.nearest::<D>(i, from_fn(|a| now[a] - moved[a] / b)).0;
                 if std::mem::replace(&mut now, next) == next {
@@ -130,7 +131,7 @@ impl<const D: usize> Known<D> {
     }
 }
 
-/// The entries of a vector as long as λ, contact by contact.
+/// The entries of a vector with the length of λ, contact by contact.
 fn node_by_node<const D: usize>(x: &[f64]) -> Vec<f64> {
     let m = x.len() / D;
     (0..x.len())
@@ -138,7 +139,7 @@ fn node_by_node<const D: usize>(x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The vector as long as λ with these entries contact by contact.
+/// The vector with the length of λ from these entries contact by contact.
 fn from_nodes<const D: usize>(by_node: &[f64]) -> Vec<f64> {
     let mut x = vec![0.0; by_node.len()];
     for (i, of) in by_node.chunks_exact(D).enumerate() {
@@ -147,7 +148,7 @@ fn from_nodes<const D: usize>(by_node: &[f64]) -> Vec<f64> {
     x
 }
 
-/// What is to be solved.
+/// The problem to solve.
 pub(super) struct OnMatrix<'a, const D: usize> {
     pub known: &'a Known<D>,
     pub law: &'a Law,
@@ -163,8 +164,8 @@ impl<const D: usize> OnMatrix<'_, D> {
         self.known.proximal * self.known.mean
     }
 
-    /// Solves the problem from λᵏ, to a merit of `target`; λᵏ itself where that comes to nothing. Also returns the number of Newton
-    /// steps, and whether it is solved.
+    /// Solves the problem from λᵏ, to a merit of `target`; λᵏ itself if that fails. Also returns the number of Newton steps, and
+    /// whether it is solved.
     pub fn solve(&self, target: f64) -> (Vec<f64>, usize, bool) {
         let mut start = self.from.lambda.clone();
         add_times(-1.0 / self.known.mean, &self.from.r, &mut start);
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn newton_and_sweeps_solve_what_depends_on_each_other() {
+    fn newton_and_sweeps_solve_dependent_contacts() {
         for (m, motions) in [(1, 1), (3, 4), (8, 11)] {
             for mu in [0.0, 0.3] {
                 for [newton, sweeps] in [

@@ -50,7 +50,7 @@ impl Law {
         coulomb_bound(self.given[i], self.mu(i), normal)
     }
 
-    /// What obeys the law and is near: λν cut at 0, then λτ at its bound. Without Coulomb friction that is P_Λ.
+    /// A nearby point that obeys the law: λν cut at 0, then λτ at its bound. Without Coulomb friction this is P_Λ.
     fn cut<const D: usize>(&self, lambda: &mut [f64]) {
         let g = self.bounds(lambda);
         project::<D>(lambda, &g);
@@ -78,12 +78,12 @@ impl Law {
         (end, derivative)
     }
 
-    /// Takes λ where it obeys the law and balances the bodies; a λ that does stays as it is.
+    /// Moves λ to a point that obeys the law and balances the bodies; a λ that already does so is unchanged.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
         if balance.is_none() || self.is_coulomb() {
             self.cut::<D>(lambda);
         }
-        // The nearest point of Λₑ is one of Λ; under Coulomb's law what is cut and in balance may stay.
+        // The nearest point of Λₑ is in Λ; under Coulomb's law a point that is cut and in balance may stay.
         if let Some(balance) = balance
             && !(self.is_coulomb() && balance.holds(lambda))
         {
@@ -92,8 +92,8 @@ impl Law {
         }
     }
 
-    /// Balances the bodies to rounding by the multipliers that bear forces, where those can: a force on a node with
-    /// a gap, however small, is work that no step can take back.
+    /// Balances the bodies to rounding by the multipliers that bear forces, if possible: a force on a node with a gap,
+    /// however small, is work that no step can take back.
     pub fn balance<const D: usize>(&self, lambda: &mut Vec<f64>, balance: &Balance) {
         if balance.holds(lambda) {
             return;
@@ -104,7 +104,7 @@ impl Law {
             if bears.iter().all(|&v| v == 0.0) {
                 return ([0.0; D], [[0.0; D]; D]);
             }
-            // Given bounds let a node rub that nothing presses.
+            // Given bounds permit friction at a node without pressure.
             if bears[0] == 0.0 {
                 z[0] = 0.0;
             }

@@ -13,30 +13,30 @@ use crate::rounding::{INDEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 use std::ops::ControlFlow;
 
-/// What a subproblem proposes.
+/// The proposal of a subproblem.
 struct Proposal {
     /// Its solution y, with the r that the surrogate predicts.
     point: Point,
     /// d = y − λᵏ and Ãd.
     step: Vec<f64>,
     image: Vec<f64>,
-    /// The error there, as the surrogate has it.
+    /// The error there, by the surrogate.
     err: f64,
     /// Newton steps made for it.
     steps: usize,
     /// Whether it is one on A itself.
     is_on_matrix: bool,
-    /// Whether it is as accurate as it was asked for.
+    /// Whether it has the requested accuracy.
     is_solved: bool,
 }
 
-/// The best point, and whether steps still lead anywhere.
+/// The best point, and whether steps still make progress.
 struct Progress {
     best: Point,
     least: f64,
-    /// Steps since the error was last clearly lower.
+    /// Steps since the error last decreased clearly.
     fruitless: usize,
-    /// The error when r was last made afresh for want of progress.
+    /// The error when r was last recomputed for lack of progress.
     refreshed: f64,
 }
 
@@ -50,7 +50,7 @@ impl Progress {
         }
     }
 
-    /// Takes note of a step; one that has lowered q by more than rounding is the better one, whatever its error.
+    /// Records a step; one that lowers q by more than rounding counts as better, whatever its error.
     fn note(&mut self, point: &Point, err: f64, is_lower: bool, lowers_q: bool) {
         self.fruitless = if is_lower { 0 } else { self.fruitless + 1 };
         if lowers_q || err < self.least {
@@ -61,7 +61,7 @@ impl Progress {
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Outer steps until the final check is content with a point that meets the goal, or a reason to stop.
+    /// Outer steps until a point that meets the goal passes the final check, or a reason to stop.
     pub fn run_multisecant(
         &mut self,
         way: &mut Way<D>,
@@ -93,7 +93,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 way.point = progress.best;
                 return Err(error);
             }
-            // What is left of an error below rounding lowers q by chance.
+            // An error below rounding lowers q only by chance.
             let lowers_q = !self.law.is_coulomb()
                 && way.err > self.rounding(&before)
                 && before.q_change(&way.point) < -before.q_rounding(&way.point);
@@ -125,15 +125,15 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// Solves the problem from λᵏ on what is known of A.
+    /// Solves the problem from λᵏ with the known pairs of A.
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
-        // Where A itself leads nowhere, the surrogate may: it has no τ that hides directions along which A is small.
+        // If A itself makes no progress, the surrogate may: it has no τ that hides directions along which A is small.
         let known = self.known.as_ref().filter(|_| fruitless % 4 != 2);
         let (mut point, steps, is_solved) = match known {
             Some(known) => self.on_matrix(known, way),
             None => self.on_surrogate(way, fruitless),
         };
-        // Forces below the rounding of those that they are left of, step by step, are none.
+        // Forces below the rounding of those from which they were computed, step by step, count as zero.
         let none = vec![0.0; point.lambda.len()];
         if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&way.point.lambda)
             && self.balance.as_ref().is_none_or(|b| b.holds(&none))
@@ -157,8 +157,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// On A itself: where forces are to lie, with r and α before they are there, the Newton steps made, and whether they have solved
-    /// the problem. Sweeps come first where the last step led nowhere.
+    /// On A itself: the proposed forces, with r and α there in advance, the Newton steps made, and whether they have solved the
+    /// problem. Sweeps come first if the last step made no progress.
     fn on_matrix(&self, known: &Known<D>, way: &Way<D>) -> (Point, usize, bool) {
         let numbers = self.numbers;
         let mut from = way.point.clone();
@@ -183,8 +183,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         (point, steps, is_solved)
     }
 
-    /// On the surrogate, likewise; under Coulomb's law in shorter steps where the last ones were `fruitless`: under given bounds the
-    /// minimum of q on the chord makes a step as short as need be.
+    /// On the surrogate, the same; under Coulomb's law in shorter steps where the last ones were `fruitless`: under given bounds
+    /// the minimum of q on the chord makes a step as short as necessary.
     fn on_surrogate(&self, way: &Way<D>, fruitless: usize) -> (Point, usize, bool) {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
@@ -211,7 +211,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let (trial, more) = subproblem.solve::<D>(motion, self.numbers.solved * way.err);
             steps += more;
             let ends = tau > self.sigma || self.products.stop.now().is_some();
-            // One that is solved to hardly anything is made easier: [`Subproblem::stiffness`].
+            // If hardly solved, it is made easier: [`Subproblem::stiffness`].
             if trial.merit <= 10.0 * self.numbers.solved * way.err || ends {
                 break trial;
             }
@@ -228,7 +228,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         (point, steps, true)
     }
 
-    /// Goes towards a proposal, as far as one product with A shows to be best.
+    /// Moves towards a proposal, as far as one product with A shows to be best.
     fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<(), DualError> {
         let before = way.point.clone();
         let mut end = proposal.point.clone();
@@ -244,7 +244,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         if let Some(balanced) = &self.balanced {
             balanced.project(&mut rest);
         }
-        // Products with a matrix cost nothing, and have no rounding of those before.
+        // Products with a matrix cost nothing, and have no rounding of earlier ones.
         let mut image = match proposal.is_on_matrix {
             true => vec![0.0; step.len()],
             false => self.surrogate.split(&mut rest),
@@ -255,22 +255,22 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             add_times(1.0, &new, &mut image);
             add_times(1.0, &difference(&image, expected), &mut end.r);
         }
-        // A step on A itself is as short as τ has made it.
+        // τ has already determined the length of a step on A itself.
         let part = match proposal.is_on_matrix {
             true => 1.0,
             false => self.part_towards(&before, &end, way.err),
         };
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
-        // A part outside the span of what is known that is but rounding of the step tells nothing. (Under Coulomb's law a block
-        // that is unloaded to 1e-4 takes 74 steps without such pairs, 40 with them.)
+        // If the part outside the span of known directions is only rounding of the step, it contains no information. (Under
+        // Coulomb's law a block that is unloaded to 1e-4 takes 74 steps without such pairs, 40 with them.)
         if self.law.is_coulomb() || norm(&rest) > INDEPENDENT * norm(step) {
             self.learn(&rest, &new);
         }
         Ok(())
     }
 
-    /// Writes a step down. What it has taught of σ_max changes ρ, and err⁰ with it.
+    /// Records a step. The σ_max learnt from it changes ρ, and with it err⁰.
     fn record(&self, way: &mut Way<D>, proposal: &Proposal) -> Step {
         way.err0 = self.measure(&way.first);
         let Point { lambda, r, .. } = &way.point;
@@ -290,7 +290,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         made
     }
 
-    /// Where steps lead nowhere: whether that is the end, or an r made afresh or more accurate products lead on.
+    /// Without progress: whether to end, or to continue with a recomputed r or more accurate products.
     fn is_at_the_end(
         &mut self,
         way: &mut Way<D>,
@@ -300,7 +300,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let sharper = self.products.tighten(self.tolerance) || self.products.refine();
         self.make_exact(&mut way.point)?;
         way.err = self.update_error(&mut way.point);
-        // Less than nothing is not to be had.
+        // An error of zero cannot be improved.
         let leads_on = sharper || way.err < 0.5 * progress.refreshed;
         *progress = Progress {
             refreshed: way.err,

@@ -17,14 +17,14 @@ use crate::sparse::{add_times, difference, norm, norm_max};
 use std::borrow::Cow;
 use std::rc::Rc;
 
-/// What stays from step to step; multipliers are scaled.
+/// The data that persist from step to step; multipliers are scaled.
 pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub problem: &'a ContactProblem<D, Elsewhere>,
     pub law: Law,
-    /// Where bodies can move as a whole.
+    /// If bodies can move as a whole.
     pub balance: Option<Rc<Balance>>,
-    /// G on all multipliers that there are. Products are made of balanced directions: what else a short step is made of is
-    /// rounding of λ, and along it A depends on where K⁻¹ holds the bodies.
+    /// G on all multipliers. Products are made with balanced directions: the rest of a short step is rounding of λ, and
+    /// along it A depends on where K⁻¹ holds the bodies.
     pub balanced: Option<FaceBalance<D>>,
     /// c.
     pub offsets: Vec<f64>,
@@ -32,16 +32,16 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub compliance: Vec<f64>,
     /// β, of ρ = β/σ_max.
     pub beta: f64,
-    /// σ_max: as Lanczos has found it before the algorithms as printed, otherwise as products have shown so far.
+    /// σ_max: from Lanczos before the algorithms as printed, otherwise from the products so far.
     pub sigma: f64,
-    /// What an entry of diag(A) is like.
+    /// The typical entry of diag(A).
     pub mean: f64,
     pub products: Products<'a, O>,
-    /// Pairs that errors of products have hidden, since products were made more accurate.
+    /// Pairs hidden by errors of products, since products were last made more accurate.
     pub hidden: usize,
-    /// What is known of A.
+    /// The known pairs of A.
     pub surrogate: Surrogate,
-    /// A itself, where it is at hand as a matrix.
+    /// A itself, if it is available as a matrix.
     pub known: Option<Known<D>>,
     pub method: Method,
     pub numbers: Numbers,
@@ -51,42 +51,42 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub check_accuracy: f64,
     /// ε.
     pub tolerance: f64,
-    /// Of each row of B what it is a difference of, not scaled: [`ContactProblem::reach`].
+    /// The terms of each row of B u, not scaled: [`ContactProblem::reach`].
     pub reach: Vec<f64>,
-    /// How far the bodies that each row of B is about had moved when u was last seen, but for motions as a whole; 0 before.
+    /// How far the bodies of each row of B had moved when u was last computed, without rigid-body motions; 0 before.
     pub moved: Vec<f64>,
     /// λ before the load step, scaled; empty at rest.
     pub before: Vec<f64>,
-    /// Where bodies that can move as a whole are, as far as nothing moves them: coefficients of their motions.
+    /// Rigid-body positions where neither load nor contact determines them, as coefficients of the motions.
     pub place: Option<&'a [f64]>,
 }
 
-/// What changes from step to step.
+/// The data that change from step to step.
 pub(super) struct Way<const D: usize> {
     /// P_Λ(λᵏ) and its gradient.
     pub point: Point,
-    /// λᵏ itself, as the inner problem of a step as printed has left it: Step 2 is about that.
+    /// λᵏ itself, as the inner problem of a step as printed has left it: Step 2 uses it.
     pub inner: Option<Point>,
     /// errᵏ.
     pub err: f64,
-    /// The point that err⁰ is taken at, and err⁰.
+    /// The point where err⁰ is computed, and err⁰.
     pub first: Point,
     pub err0: f64,
     /// The sets of the last step.
     pub sets: Option<Sets<D>>,
     /// The steps made.
     pub history: Vec<Step>,
-    /// Steps and products where the error was small enough first.
+    /// The numbers of steps and products when the error was first small enough.
     pub first_met: Option<(usize, usize)>,
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with the α that goes with it.
+    /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with its α.
     pub fn error(&self, point: &Point) -> f64 {
         self.error_with(point, self.rho())
     }
 
-    /// The same, and takes this α at the point.
+    /// The same, and sets this α at the point.
     pub fn update_error(&self, point: &mut Point) -> f64 {
         let GradientStep { end, start } = self.step_from(point, self.rho());
         *point = start;
@@ -118,7 +118,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         distance(&point.lambda, &self.step_from(point, rho).end) / rho
     }
 
-    /// err relative to what it is measured by.
+    /// err relative to its scale.
     pub fn relative(&self, point: &mut Point, err0: f64) -> f64 {
         let err = self.update_error(point);
         if err <= self.rounding(point) {
@@ -127,8 +127,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         err / err0.max(self.local_error(&point.lambda))
     }
 
-    /// ‖((Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ)ᵢ‖: what each force would do to its own node if nothing else moved. An err below this times ε is good
-    /// enough however small err⁰ is.
+    /// ‖((Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ)ᵢ‖: the effect of each force on its own node if nothing else moved. An err below this times ε is
+    /// good enough however small err⁰ is.
     pub fn local_error(&self, lambda: &[f64]) -> f64 {
         let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))
             .enumerate()
@@ -137,9 +137,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         norm(&own)
     }
 
-    /// The error of err by rounding of r alone: no smaller error can be measured in f64. Each row has its own: that of what it is a
-    /// difference of, and of how far its node has moved. A gap that is open beyond all rounding has no part in err, nor has a
-    /// traction that is held on its bound; in space it turns there.
+    /// The error of err by rounding of r alone: f64 cannot measure a smaller error. Each row has its own: the rounding of its
+    /// terms, and of the motion of its node. A gap that is open beyond all rounding has no part in err, nor has a traction on its
+    /// bound; in space it turns there.
     pub fn rounding(&self, point: &Point) -> f64 {
         let Point { lambda, r, .. } = point;
         let (m, bounds) = (self.problem.m(), self.law.bounds(lambda));
@@ -147,7 +147,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         let mut terms = vec![0.0; lambda.len()];
         for (i, &g) in bounds.iter().enumerate() {
             let rows: [usize; D] = std::array::from_fn(|a| row_of::<D>(m, i, a));
-            // B u, whatever is left of it beside a large c.
+            // B u, including a part that cancels against a large c.
             let moved = rows.iter().fold(0.0_f64, |most, &row| {
                 let (c, r) = (self.offsets[row], r[row]);
                 most.max(beyond(c - r, ROUNDING * c.abs()).abs())
@@ -170,7 +170,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 let beyond = tangential(z) > g + length * off;
                 let turns = if D == 2 { 0.0 } else { g / tangential(z) };
                 let bears = if beyond { turns } else { 1.0 };
-                // Under Coulomb's law a bound of 0 may be one of rounding.
+                // Under Coulomb's law a bound of 0 may be only rounding.
                 let none = g == 0.0 && (is_open || self.law.mu(i) == 0.0);
                 part[1..].fill(if none { 0.0 } else { bears });
             }
@@ -182,7 +182,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     }
 
     /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
-    /// stays as it is.
+    /// is unchanged.
     pub fn step_from(&self, point: &Point, rho: f64) -> GradientStep {
         let g = self.bounds(&point.lambda).into_owned();
         gradient_step::<D>(point, rho, &g, self.balance.as_deref())
@@ -203,7 +203,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.law.project::<D>(lambda, self.balance.as_deref());
     }
 
-    /// Moves to λ = `target`, and r with it: one product for what of the way is not known, or none.
+    /// Moves to λ = `target`, and r with it: one product for the unknown part of the step, or none.
     pub fn move_to(&mut self, point: &mut Point, target: Vec<f64>) -> Result<(), DualError> {
         let mut jump = difference(&target, &point.lambda);
         let rounding = ROUNDING * norm_max(&target);
@@ -230,8 +230,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.sigma = self.surrogate.largest();
     }
 
-    /// The part of the way to `end` that is worth going: to the least q, or to the least error under Coulomb's law and where
-    /// rounding hides what q says of short steps. `err` is the error at the start.
+    /// The best part of the step to `end`: at the least q, or at the least error under Coulomb's law and where rounding
+    /// hides q for short steps. `err` is the error at the start.
     pub fn part_towards(&self, start: &Point, end: &Point, err: f64) -> f64 {
         let is_blind = start.q_change(end).abs() <= start.q_rounding(end);
         match self.law.is_coulomb() || is_blind {
@@ -240,8 +240,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         }
     }
 
-    /// The part of the way to `end` at which the error is least of those tried; all of it unless it grows much. That costs
-    /// no product: what obeys Coulomb's law and balance is convex, and r linear on the chord.
+    /// The part of the step to `end` with the least error among those tried; the whole step unless the error grows much.
+    /// This costs no product: the set of forces that obey Coulomb's law and balance is convex, and r is linear on the
+    /// chord.
     fn least_error_towards(&self, before: &Point, end: &Point, err: f64) -> f64 {
         let mut least = self.error(end);
         let (mut part, mut t) = (1.0, 1.0);
@@ -274,8 +275,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         r
     }
 
-    /// r at a point made afresh where it is not carried, as accurately as the error there needs it; λ has moved by `along`
-    /// times the last product's direction. Where it shows a much smaller error than expected, it is made once more.
+    /// Recomputes r at a point where it is not updated, as accurately as the error there requires; λ has moved by `along`
+    /// times the last product's direction. If the error turns out much smaller than expected, it is computed once more.
     pub fn refresh(&mut self, point: &mut Point, along: f64) -> Result<(), DualError> {
         for along in [along, 0.0] {
             if self.products.are_exact() {
@@ -285,7 +286,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let expected = self.without_motion(point);
             let made = (self.products).afresh(&point.lambda, along, err, &expected)?;
             let Some(r) = made else {
-                // A GPU has failed in between: nothing known so far is exact.
+                // A GPU has failed in the meantime: none of the data so far is exact.
                 return self.make_exact(point);
             };
             point.r = r;

@@ -24,8 +24,8 @@ impl Point {
         0.5 * sum
     }
 
-    /// What of [`Point::q_change`] is rounding of the multipliers: on a circle, where r does not vanish, it hides changes
-    /// below about the square root of the rounding unit of f64.
+    /// The part of [`Point::q_change`] that is rounding of the multipliers: on a circle, where r does not vanish, it
+    /// hides changes below about the square root of the rounding unit of f64.
     pub fn q_rounding(&self, to: &Self) -> f64 {
         let mut sum = 0.0;
         for i in 0..self.r.len() {
@@ -76,13 +76,14 @@ pub fn project<const D: usize>(lambda: &mut [f64], g: &[f64]) {
 
 /// A projected gradient step that keeps the bodies in balance.
 pub(super) struct GradientStep {
-    /// Where it ends.
+    /// Its end.
     pub end: Vec<f64>,
-    /// Where it starts from, with the α that it takes for that.
+    /// Its start, with the α for it.
     pub start: Point,
 }
 
-/// That of length ρ from a point, under the bounds g. What α nothing moves stays that of the point.
+/// That of length ρ from a point, under the bounds g. Components of α that nothing moves keep their values of the
+/// point.
 pub(super) fn gradient_step<const D: usize>(
     point: &Point,
     rho: f64,
@@ -109,7 +110,7 @@ pub(super) fn gradient_step<const D: usize>(
         (near.lambda, norm_max(&forces))
     };
     let (mut end, forces) = once();
-    // What is found as the difference of larger forces is found once more from where they have led.
+    // A result that is a difference of larger forces is computed once more from its own position.
     if !(forces <= norm_max(&end)) {
         end = once().0;
     }

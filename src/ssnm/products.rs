@@ -1,9 +1,9 @@
 //! Products with A and the gradient r = Aλ − b.
 //!
-//! Where K⁻¹ is applied by a factor, products are exact and r is carried along with λ. Where it is a matter of iterations,
-//! a product is made to a part of its energy ([`super::Numbers::product`]), and r is not carried: it is c − B u with a u that follows λ. What
-//! of u a product has found is added to it, and PCG on the residual f − Bᵀλ − K u takes out what products and earlier
-//! steps have left, one or two iterations a step. Without these errors pile up, and err comes to a halt at 1e-3 or so.
+//! With a factor, products are exact and r is updated along with λ. With iterations, a product is made to a part of its energy
+//! ([`super::Numbers::product`]), and r is not updated but recomputed: it is c − B u with a u that follows λ. The displacement
+//! found by a product is added to u, and PCG on the residual f − Bᵀλ − K u removes the errors of products and earlier steps, in one
+//! or two iterations a step. Without them errors accumulate, and err stops at about 1e-3.
 
 use super::scaling::Scaled;
 use super::{EXACT, Method, NewtonSettings, Numbers};
@@ -13,27 +13,27 @@ use crate::problem::{LoadCase, beyond};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, norm};
 
-/// The dual operator, how accurately it is used, and how often.
+/// The dual operator, the accuracy of its products, and their number.
 pub(super) struct Products<'a, O: ?Sized> {
     pub dual: Scaled<'a, O>,
     load: &'a LoadCase,
     pub stop: Stop<'a>,
     /// Products so far.
     pub n_a: usize,
-    /// r is made from a u that follows λ; otherwise it is carried.
+    /// r is computed from a u that follows λ; otherwise it is updated.
     follows: bool,
     numbers: Numbers,
-    /// The relative accuracy of products, as it begins and now.
+    /// The relative accuracy of products, initially and now.
     first: f64,
     part: f64,
-    /// What the last correction of u has reached.
+    /// The accuracy of the last correction of u.
     correction: Correction,
     /// ‖Be‖ / √(eᵀKe) for the last change e of u.
     gain: f64,
 }
 
 impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
-    /// `sigma` is what is known of σ_max.
+    /// `sigma` is the known value of σ_max.
     pub fn new(
         dual: Scaled<'a, O>,
         load: &'a LoadCase,
@@ -75,7 +75,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         }
     }
 
-    /// Asks for more accuracy from here on; false where there is none to be had, or more than what the answer is to have.
+    /// Requests more accuracy from here on; false if that is impossible, or beyond the accuracy of the answer.
     pub fn tighten(&mut self, tolerance: f64) -> bool {
         if self.part() == 0.0 || self.part <= tolerance {
             return false;
@@ -84,14 +84,14 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         true
     }
 
-    /// Makes r from a refined u from here on; false where it is already, or K⁻¹ is a matter of iterations.
+    /// Computes r from a refined u from here on; false if this is already so, or if K⁻¹ is applied by iterations.
     pub fn refine(&mut self) -> bool {
         let refines = self.are_exact() && self.dual.refine();
         self.follows |= refines;
         refines
     }
 
-    /// u at λ but for the motions of floating bodies: [`DualOperator::displacement`].
+    /// u at λ, up to the motions of floating bodies: [`DualOperator::displacement`].
     pub fn displacement(
         &mut self,
         lambda: &[f64],
@@ -113,7 +113,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(image)
     }
 
-    /// r at the λ to start from, of which `c` are the offsets; one product where r is carried and λ is not zero.
+    /// r at the initial λ, with the offsets `c`; one product where r is updated and λ is not zero.
     pub fn first(&mut self, c: &[f64], lambda: &[f64]) -> Result<Vec<f64>, DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
@@ -133,8 +133,8 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(r)
     }
 
-    /// r at a λ that has moved by `along` times the p of the last product, as accurate as an error of `err` needs it;
-    /// `expected` is what r was taken for so far. None where r is carried.
+    /// r at a λ that has moved by `along` times the p of the last product, as accurate as an error of `err` requires;
+    /// `expected` is the assumed r so far. None where r is updated.
     pub fn afresh(
         &mut self,
         lambda: &[f64],
@@ -156,7 +156,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         let (moved, change) = (norm(&moved), self.correction.change);
         if change > 0.0 && moved > 0.0 {
             let gain = moved / change;
-            // Where PCG is slow, what it has mended at first hardly moves the contact, what it has left does.
+            // Where PCG is slow, the error removed first hardly moves the contact, but the remaining error does.
             self.gain = if self.correction.slow {
                 gain.max(self.gain)
             } else {
@@ -166,20 +166,20 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(Some(r))
     }
 
-    /// Whether r made afresh is as accurate as an error of `err` needs it, or about so.
+    /// Whether a recomputed r is roughly as accurate as an error of `err` requires.
     pub fn is_enough(&self, err: f64) -> bool {
         self.gain * self.correction.remaining <= 2.0 * self.relaxed() * err
     }
 
     /// The error that r may have, as a part of the present error err.
     ///
-    /// An error e of u falsifies r by B e, at most √σ_max · √(eᵀKe) in length. That bound is 25 to 140 times too large for all
-    /// but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from what the last change of u has brought.
+    /// An error e of u changes r by B e, at most √σ_max · √(eᵀKe) in length. That bound is 25 to 140 times too large for all
+    /// but the smoothest e, so the ratio ‖Be‖ / √(eᵀKe) is taken from the last change of u.
     fn relaxed(&self) -> f64 {
         self.numbers.product * (self.part / self.first)
     }
 
-    /// r from a u that follows λ; false where it is carried.
+    /// r from a u that follows λ; false if it is updated.
     fn follow(
         &mut self,
         lambda: &[f64],
@@ -193,7 +193,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         let made = (self.dual).gradient(self.load, lambda, r, along, accuracy, &self.stop)?;
         match made {
             Some(correction) => self.correction = correction,
-            // Or a GPU has failed in between, and products are exact from now on.
+            // Or a GPU has failed in the meantime, and products are exact from now on.
             None => self.follows = false,
         }
         Ok(self.follows)

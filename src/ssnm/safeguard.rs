@@ -1,12 +1,12 @@
-//! The safeguard of the algorithms as printed: what counts as progress, and what is done without.
+//! The safeguard of the algorithms as printed: the definition of progress, and the action without it.
 //!
-//! With a large ρ neither q nor err falls in each step, and the sets find their way all the same. So a step is replaced only
-//! where the algorithm goes in circles: the sets of an earlier step come back, after others and without any progress since, or
-//! there is none in many steps.
+//! With a large ρ neither q nor err falls in each step, and the sets still converge. So a step is replaced only where the
+//! algorithm cycles: the sets of an earlier step return, after others and without any progress since, or there is no progress
+//! in many steps.
 //!
-//! Under given bounds q falls along safeguarded steps, which is a proof: a projected gradient step with
-//! ρ = 1/σ_max < 2/σ_max lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law
-//! there is nothing but the error to go by, and no step is known to lower it.
+//! Under given bounds q falls along safeguarded steps, which is a proof: a projected gradient step with ρ = 1/σ_max < 2/σ_max
+//! lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law the error is the only
+//! measure, and no step is known to lower it.
 
 use super::newton::{Newton, Way};
 use super::point::Point;
@@ -14,7 +14,7 @@ use super::sets::Sets;
 use super::{Numbers, Status};
 use crate::dual::{DualError, DualOperator};
 
-/// How the next step is made.
+/// The kind of the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Plan {
     /// Newton's, with sets predicted with this ρ.
@@ -23,7 +23,7 @@ pub(super) enum Plan {
     Gradient,
 }
 
-/// Steps that go in circles are discarded and replaced by projected gradient steps, each time for twice as many steps.
+/// Steps that cycle are discarded and replaced by projected gradient steps, each time for twice as many steps.
 pub(super) struct Safeguard<const D: usize> {
     /// The point of lowest q (under Coulomb's law of the least error).
     best: Point,
@@ -32,9 +32,9 @@ pub(super) struct Safeguard<const D: usize> {
     /// Steps in a row without progress, and their sets: those of steps with the same sets one after the other once.
     fruitless: usize,
     seen: Vec<Sets<D>>,
-    /// What sets are predicted with.
+    /// The ρ for predicting sets.
     rho: f64,
-    /// Safeguarded steps still to make, and how many the next discarded steps will cost.
+    /// Safeguarded steps still to make, and the number after the next discarded steps.
     guarded: usize,
     penalty: usize,
     /// No function falls along the way.
@@ -43,7 +43,7 @@ pub(super) struct Safeguard<const D: usize> {
 }
 
 impl<const D: usize> Safeguard<D> {
-    /// What it has to say before the first step.
+    /// The safeguard before the first step.
     pub fn new<O: DualOperator + ?Sized>(newton: &Newton<O, D>, way: &Way<D>) -> Self {
         Self {
             best: way.point.clone(),
@@ -63,13 +63,13 @@ impl<const D: usize> Safeguard<D> {
         &self.best
     }
 
-    /// Goes on from a point whose r has been made afresh.
+    /// Continues from a point whose r has been recomputed.
     pub fn go_on_from(&mut self, point: &Point, err: f64) {
         self.best.clone_from(point);
         self.best_err = err;
     }
 
-    /// How the next step is to be made.
+    /// The kind of the next step.
     pub fn plan(&mut self) -> Plan {
         if self.guarded == 0 {
             return Plan::Newton { rho: self.rho };
@@ -78,16 +78,15 @@ impl<const D: usize> Safeguard<D> {
         Plan::Gradient
     }
 
-    /// Takes note of a step: what q has lost against the best point, what a projected gradient step from there would
-    /// gain at least, and the error. Progress is half of that gain, or a clearly smaller error: rounding must
-    /// not pass for it.
+    /// Records a step: the loss of q against the best point, the least gain of a projected gradient step from there,
+    /// and the error. Progress is half of that gain, or a clearly smaller error: rounding must not count as progress.
     fn note(&mut self, lost: f64, gain: f64, err: f64) {
         let lowers_q = !self.is_coulomb && -lost >= 0.5 * gain && lost < 0.0;
         let progress = lowers_q || err <= self.numbers.progress * self.best_err;
         self.fruitless = if progress { 0 } else { self.fruitless + 1 };
     }
 
-    /// Takes note of the sets of a step; whether those of an earlier one have come back, after others.
+    /// Records the sets of a step; returns whether those of an earlier one have returned, after others.
     fn come_back(&mut self, sets: &Sets<D>) -> bool {
         if self.fruitless == 0 {
             self.seen.clear();
@@ -100,7 +99,7 @@ impl<const D: usize> Safeguard<D> {
         before
     }
 
-    /// Whether to discard what has led here; NaN is discarded at once.
+    /// Whether to discard the steps that led here; NaN is discarded at once.
     fn discards(&self, lost: f64, come_back: bool, safeguarded: bool) -> bool {
         if self.is_coulomb {
             return self.fruitless >= self.numbers.fruitless;
@@ -111,7 +110,7 @@ impl<const D: usize> Safeguard<D> {
             || lost.is_nan()
     }
 
-    /// Acts, for twice as many steps as the last time.
+    /// Intervenes for twice as many steps as the last time.
     fn act(&mut self, err: f64, alpha: f64) {
         self.best_err = err;
         self.fruitless = 0;
@@ -123,8 +122,8 @@ impl<const D: usize> Safeguard<D> {
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Judges the step that was made, and goes back to the best point where it has led nowhere; the status where that
-    /// is the end. `stopped`: the observer has asked for it.
+    /// Judges the step, and returns to the best point if it made no progress; the status if that is the end. `stopped`:
+    /// at the observer's request.
     pub fn judge(
         &mut self,
         safeguard: &mut Safeguard<D>,
@@ -211,7 +210,7 @@ mod tests {
             safeguard.best_err = safeguard.best_err.min(err);
             safeguard.come_back(sets)
         };
-        // The same sets as in the last step are no circle, nor are those of a step before progress.
+        // The same sets as in the last step are not a cycle, nor are those of a step before progress.
         assert!(!step(1.0, &a) && !step(1.0, &a) && !step(1.0, &b));
         assert!(!step(0.5, &a) && !step(0.5, &b));
         assert!(step(0.5, &a));

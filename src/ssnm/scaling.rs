@@ -7,14 +7,13 @@ use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::{Csr, norm_max};
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S (A + C) S, b̂ = S b, ĝ = S⁻¹ g. C is that of compliant
-/// contact: it has its part in every product and gradient here, whoever makes A, and nothing above has to ask for it.
+/// contact: it is included in every product and gradient here, whatever makes A, so that the code above need not know it.
 ///
-/// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the
-/// diagonal of A varies as much, and the sets that one ρ predicts are wild on one side or slow to move
-/// on the other. S evens out the estimate Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back
-/// and forth is exact, and only beyond a factor of four from the median: a homogeneous problem is left
-/// exactly as it is. Corners of a block are that factor away on the dot (one cell meets there, four on a face), and
-/// rounding must not decide what becomes of them.
+/// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the diagonal of A varies
+/// as much, and the sets that one ρ predicts are wild on one side or slow to move on the other. S evens out the estimate
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back and forth is exact, and only beyond a factor
+/// of four from the median: a homogeneous problem is unchanged. Corners of a block differ by exactly that factor (one
+/// cell meets there, four on a face), and rounding must not decide on them.
 pub(super) struct Scaled<'a, O: ?Sized> {
     dual: &'a mut O,
     /// S, or None for the identity.
@@ -81,7 +80,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
         entries.map(|(i, c)| c * self.factor(i).powi(2)).collect()
     }
 
-    /// S (A + C) S, where A is at hand as a matrix.
+    /// S (A + C) S, if A is available as a matrix.
     pub fn matrix(&self) -> Option<Csr> {
         let matrix = self.dual.matrix()?;
         let n = matrix.n_rows();

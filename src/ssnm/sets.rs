@@ -4,11 +4,11 @@ use super::law::Law;
 use crate::constraint::{Disc, NodeSets, at, put};
 use crate::problem::ContactProblem;
 
-/// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), as those that each contact node is in.
+/// The sets 𝒜ν, ℐν, 𝒜τ and ℐτ (in the plane ℐτ⁺ and ℐτ⁻), stored as the sets of each contact node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sets<const D: usize = 2>(Vec<NodeSets<D>>);
 
-/// How many contact nodes are in each set; a separated node sticks or slips as well, if it has friction.
+/// The numbers of contact nodes in each set; a separated node sticks or slips as well, if it has friction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SetSizes {
     /// ℐν: not in contact.
@@ -31,7 +31,7 @@ impl SetSizes {
     }
 }
 
-/// How many contact nodes slip.
+/// The number of slipping contact nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(untagged)]
 pub enum SlipSizes {
@@ -67,7 +67,7 @@ impl SlipSizes {
         }
     }
 
-    /// In whichever direction.
+    /// In either direction.
     pub fn total(&self) -> usize {
         match *self {
             Self::Plane {
@@ -100,7 +100,7 @@ impl<const D: usize> Sets<D> {
         Self::of(g, |disc, i| disc.predict_from(at(lambda, i), at(&z, i)))
     }
 
-    /// The multipliers of λ ∈ Λ that lie on a bound and that a step against the gradient would push out.
+    /// The multipliers of λ ∈ Λ that are on a bound and that a step against the gradient would push out.
     pub(super) fn binding(lambda: &[f64], r: &[f64], g: &[f64]) -> Self {
         Self::of(g, |disc, i| disc.binding(at(lambda, i), at(r, i)))
     }
@@ -113,14 +113,14 @@ impl<const D: usize> Sets<D> {
         })
     }
 
-    /// The same where the gradient is about a problem that is solved; ρ is as large as forces over what they do to their own nodes.
+    /// The same for the gradient of a solved problem; ρ is the ratio of forces to their effect on their own nodes.
     pub(crate) fn of_solved<K>(problem: &ContactProblem<D, K>, lambda: &[f64], r: &[f64]) -> Self {
         let compliance = problem.compliance();
         let rho = compliance.len() as f64 / compliance.iter().sum::<f64>();
         Self::at_solution(lambda, r, rho, &problem.bounds(lambda))
     }
 
-    /// Takes nodes for those that slip: each with its way.
+    /// Moves nodes to the slipping ones, each with its direction.
     pub(super) fn slide(&mut self, slipping: impl Iterator<Item = (usize, [f64; D])>) {
         slipping.for_each(|(i, slip)| self.0[i].slide(slip));
     }
@@ -133,7 +133,7 @@ impl<const D: usize> Sets<D> {
         }
     }
 
-    /// Holds λτ of separated nodes at zero where Coulomb's law leaves it nothing else.
+    /// Holds λτ of separated nodes at zero where Coulomb's law permits nothing else.
     pub(super) fn hold_separated(&mut self, law: &Law) {
         for (i, node) in self.0.iter_mut().enumerate() {
             if !node.contact && law.mu(i) > 0.0 {
@@ -157,14 +157,14 @@ impl<const D: usize> Sets<D> {
         self.0.iter().map(NodeSets::n_free).sum()
     }
 
-    /// Zeroes what is not free.
+    /// Zeroes the components that are not free.
     pub(super) fn mask(&self, x: &mut [f64]) {
         for (i, node) in self.0.iter().enumerate() {
             put(x, i, node.free_part(at(x, i)));
         }
     }
 
-    /// In how many sets contact nodes differ.
+    /// The number of sets in which contact nodes differ.
     pub fn differences(&self, other: &Self) -> usize {
         let pairs = self.0.iter().zip(&other.0);
         pairs.map(|(a, b)| a.differences(b)).sum()
@@ -188,7 +188,7 @@ impl<const D: usize> Sets<D> {
         sizes
     }
 
-    /// The sizes, where none is tied; `has_friction` says of which contact nodes (of m) a law of friction acts on.
+    /// The sizes, where none is tied; `has_friction` tells on which contact nodes (of m) a law of friction acts.
     pub fn sizes(&self, has_friction: impl Fn(usize) -> bool) -> SetSizes {
         let mut sizes = SetSizes {
             slip: SlipSizes::none::<D>(),

@@ -1,4 +1,4 @@
-//! What a solve is asked for.
+//! The settings of a solve.
 
 use super::numbers::Numbers;
 use super::surrogate::Surrogate;
@@ -7,25 +7,25 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How a contact problem is solved.
+/// The method for a contact problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Newton's method on a surrogate of A that is made of all known products, one product in each outer step.
+    /// Newton's method on a surrogate of A from all known products, one product in each outer step.
     #[default]
     Multisecant,
     /// Algorithm ISSNM of the paper: inner problems (11) solved to a tolerance that follows the error.
     Inexact,
-    /// Algorithm SSNM of the paper: inner problems solved to rounding, as far as CG gets.
+    /// Algorithm SSNM of the paper: inner problems solved to rounding, as far as CG allows.
     Exact,
 }
 
 /// Settings of the method; the defaults are those of the case file.
 #[derive(Clone, Debug)]
 pub struct NewtonSettings {
-    /// ε, in (0, 1): the tolerance. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at
-    /// λ = 0 (or, where bodies can move as a whole, at the least forces that balance them); beside it what the rest of
-    /// the gradient could still move is made so small that nodal pressures are right to 3000 ε of the largest.
+    /// ε, in (0, 1): the tolerance. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at λ = 0 (or,
+    /// where bodies can move as a whole, at the least forces that balance them); in addition the possible effect of the
+    /// remaining gradient is made so small that nodal pressures are accurate to 3000 ε of the largest.
     pub tolerance: f64,
     /// β > 0: ρ = β / σ_max.
     pub beta: f64,
@@ -33,7 +33,7 @@ pub struct NewtonSettings {
     pub r_tol: f64,
     /// c_fact of Step 3.1, in (0, 1).
     pub c_fact: f64,
-    /// Multisecant, or an algorithm of the paper as it is printed.
+    /// Multisecant, or an algorithm of the paper as printed.
     pub method: Method,
     /// Outer steps at most.
     pub max_iterations: usize,
@@ -41,7 +41,7 @@ pub struct NewtonSettings {
     pub time_limit: Option<Duration>,
     /// Set from outside, by another thread, to stop at the next product with A.
     pub interrupt: Option<Arc<AtomicBool>>,
-    /// What stands between the lines of the method, for whoever studies it.
+    /// Numbers of the method that the paper does not give, for research.
     pub numbers: Numbers,
 }
 
@@ -61,13 +61,13 @@ impl Default for NewtonSettings {
     }
 }
 
-/// A setting, or a vector to start from, that no solve can work with.
+/// A setting, or an initial vector, that no solve accepts.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must {must}")]
 pub struct SettingsError {
     /// Its name.
     pub field: &'static str,
-    /// What it must do, as the end of a sentence.
+    /// The condition, as the end of a sentence.
     pub must: String,
 }
 
@@ -81,7 +81,7 @@ impl SettingsError {
         }
     }
 
-    /// Unless a number lies in (0, 1).
+    /// An error unless a number is in (0, 1).
     pub(crate) fn unless_part(value: f64, field: &'static str) -> Result<(), Self> {
         Self::unless(value > 0.0 && value < 1.0, field, "lie between 0 and 1")
     }
@@ -101,11 +101,11 @@ impl SettingsError {
 }
 
 impl NewtonSettings {
-    /// Whether the numbers make sense for any problem; the same for a case file, for Rust, and at the start of each
+    /// Checks that the numbers are valid for any problem; the same for a case file, for Rust, and at the start of each
     /// solve.
     ///
     /// # Errors
-    /// The first setting that does not.
+    /// The first invalid setting.
     pub fn check(&self) -> Result<(), SettingsError> {
         SettingsError::unless_part(self.tolerance, "tolerance")?;
         let positive = self.beta > 0.0 && self.beta.is_finite();
@@ -116,15 +116,15 @@ impl NewtonSettings {
     }
 }
 
-/// What a solve starts from, where it does not start from nothing.
+/// The start of a solve that does not begin from zero.
 #[derive(Debug, Default)]
 pub struct WarmStart<'a> {
     /// λ⁰, length D m (2m in the plane), e.g. the multipliers of an earlier solve; zero if None.
     pub lambda: Option<&'a [f64]>,
-    /// Rᵀu before, for the motions of [`System::floating_bodies`](crate::problem::System::floating_bodies): what neither load nor
-    /// contact moves stays there; zero if None.
+    /// Rᵀu before, for the motions of [`System::floating_bodies`](crate::problem::System::floating_bodies): the rigid-body
+    /// position where neither load nor contact determines it; zero if None.
     pub motion: Option<&'a [f64]>,
-    /// What earlier solves with the same K, N and T have found out; this one adds to it.
+    /// The pairs that earlier solves with the same K, N and T found; this one adds to them.
     pub recycled: Option<&'a mut RecycledSubspace>,
 }
 
@@ -148,8 +148,8 @@ impl WarmStart<'_> {
     }
 }
 
-/// Known products with A, and its spectrum: true for every load, gap, slip bound and coefficient of friction, as long as
-/// K, N and T stay what they are.
+/// Known products with A, and its spectrum: valid for every load, gap, slip bound and coefficient of friction, as long
+/// as K, N and T stay the same.
 #[derive(Clone, Debug, Default)]
 pub struct RecycledSubspace {
     /// Products with A that earlier solves have made.
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_say_what_is_wrong_with_them() {
+    fn invalid_settings_explain_their_fault() {
         let good = NewtonSettings::default();
         assert_eq!(good.check(), Ok(()));
         for value in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {

@@ -1,5 +1,4 @@
-//! What comes before the first outer step: the balance of floating bodies, b, err⁰ and λ⁰, and for the algorithms as printed
-//! σ_max.
+//! Before the first outer step: the balance of floating bodies, b, err⁰ and λ⁰, and for the algorithms as printed σ_max.
 
 use super::known::Known;
 use super::law::Law;
@@ -18,14 +17,14 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Where a solve starts from, in scaled multipliers.
+/// The start of a solve, in scaled multipliers.
 pub(super) struct Start {
     law: Law,
-    /// Of the floating bodies; None where there are none.
+    /// Of the floating bodies; None without any.
     balance: Option<Rc<Balance>>,
-    /// The λ that err⁰ is taken at: 0, or the least forces that balance the bodies.
+    /// The λ of err⁰: 0, or the least forces that balance the bodies.
     lambda: Vec<f64>,
-    /// What of the load no λ ∈ Λ can balance; empty if there is nothing.
+    /// The part of the load that no λ ∈ Λ can balance; empty if there is none.
     pub imbalance: Vec<f64>,
     /// The motion that this drives.
     pub mechanism: Vec<f64>,
@@ -66,7 +65,7 @@ impl Start {
         start
     }
 
-    /// The load without what no contact can balance of it, so that the rest can be solved.
+    /// The load without the part that no contact can balance, so that the rest can be solved.
     pub fn held<const D: usize, K>(&self, problem: &ContactProblem<D, K>) -> LoadCase {
         let mut case = problem.load_case().clone();
         if !self.imbalance.is_empty() {
@@ -83,7 +82,7 @@ impl Start {
     }
 }
 
-/// What a solve works on.
+/// The operands of a solve.
 pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
     pub newton: Newton<'a, O, D>,
     pub way: Way<D>,
@@ -91,7 +90,7 @@ pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
     pub n_a_sigma: usize,
     /// Seconds for b and σ_max.
     pub seconds: f64,
-    /// Whether b, σ_max and λ⁰ could be had.
+    /// Whether b, σ_max and λ⁰ could be computed.
     pub outcome: Result<(), DualError>,
 }
 
@@ -107,17 +106,17 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
         begin: Instant,
     ) -> Self {
         let stop = Stop {
-            // A limit beyond what the clock can show is none.
+            // A limit beyond the range of the clock counts as no limit.
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
             interrupt: settings.interrupt.as_deref(),
         };
-        // Forces that do not balance the bodies are no start from which to go anywhere.
+        // Forces that do not balance the bodies are not a usable start.
         let initial = warm.lambda.filter(|_| start.imbalance.is_empty());
         let mut offsets = problem.load_case().offsets();
         dual.times(&mut offsets);
         let mut before = problem.load_case().before.clone();
         dual.divide(&mut before);
-        // A guess of the entries of diag(A), as if nothing but their own unknowns moved: the first product replaces it.
+        // A guess of the entries of diag(A), as if only their own unknowns moved: the first product replaces it.
         let mean = mean(problem.own_compliance().iter().enumerate().map(|(i, c)| {
             let factor = dual.factor(i);
             c * factor * factor
@@ -196,7 +195,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
     }
 }
 
-/// The mean of what is positive; 1 if nothing is.
+/// The mean of the positive values; 1 if there are none.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for value in values.filter(|&value| value > 0.0) {
@@ -206,8 +205,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Finds σ_max: on the surrogate what its products say, otherwise by Lanczos, unless an earlier solve has done so.
-    /// Returns the products that it took.
+    /// Finds σ_max: on the surrogate from its products, otherwise by Lanczos, unless an earlier solve has done so.
+    /// Returns the number of products.
     fn find_sigma(&mut self, recycled: &mut RecycledSubspace) -> Result<usize, DualError> {
         if self.method == Method::Multisecant {
             self.sigma = self.surrogate.largest();
@@ -229,8 +228,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(found.products)
     }
 
-    /// Makes r where err⁰ is taken and moves to λ⁰. Where products of earlier solves tell what lies between the two, and it
-    /// would cost one to start from the former, it is the other way round: err⁰ serves as the reference alone.
+    /// Computes r at the point of err⁰ and moves to λ⁰. If products of earlier solves cover the difference between the two,
+    /// and the former would cost one, it is the other way round: err⁰ serves only as the reference.
     fn start(&mut self, way: &mut Way<D>, initial: Option<&[f64]>) -> Result<(), DualError> {
         let target = initial.map(|initial| {
             let mut target = initial.to_vec();

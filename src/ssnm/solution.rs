@@ -1,4 +1,4 @@
-//! What a solve gives back.
+//! The result of a solve.
 
 use super::sets::{SetSizes, Sets};
 use super::settings::SettingsError;
@@ -7,28 +7,28 @@ use crate::dual::DualError;
 use crate::problem::Kkt;
 use std::fmt;
 
-/// How a solve ended.
+/// The end of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Status {
-    /// err ≤ ε err⁰ (or ε of what the forces do to their own nodes, or rounding), the nodal forces are as accurate as ε asks,
-    /// and the optimality conditions checked in f64 against K are met to 10 ε.
+    /// err ≤ ε err⁰ (or ε times the effect of the forces on their own nodes, or rounding), the nodal forces are as accurate
+    /// as ε requires, and the optimality conditions checked in f64 against K are met to 10 ε.
     Converged,
     /// `max_iterations` reached.
     IterationLimit,
-    /// No progress any more: the tolerance is below what f64, or PCG, can give here, or under Coulomb's law no step
-    /// lowers the error.
+    /// Progress has stopped: the tolerance is below the accuracy of f64, or of PCG, here, or under Coulomb's law no
+    /// step lowers the error.
     Stagnated,
     /// Contact and friction do not balance the loads on a body that can move as a whole: no forces within the law do, or,
-    /// under Coulomb's law, none that contact comes to ([`crate::quasistatic::NotHeld::proven`]). λ balances them as
-    /// far as it goes ([`Solution::imbalance`]), and no outer steps are made where the former is so.
+    /// under Coulomb's law, none that contact reaches ([`crate::quasistatic::NotHeld::proven`]). λ balances them as far
+    /// as possible ([`Solution::imbalance`]), and no outer steps are made in the former case.
     NotHeld,
     /// `time_limit` reached.
     TimeLimit,
     /// Stopped from outside.
     Interrupted,
-    /// Where displacements are large: in balance, but the least push lets the bodies go somewhere else, as a column that has
+    /// With large displacements: in balance, but the slightest push makes the bodies move elsewhere, like a column that has
     /// stayed straight under more than its buckling load.
     Unstable,
 }
@@ -42,12 +42,12 @@ impl From<Stopped> for Status {
     }
 }
 
-/// A solve that could not be finished, with what it had reached.
+/// A solve that could not be finished, with its results so far.
 #[derive(Debug, thiserror::Error)]
 #[error("{cause}")]
 #[non_exhaustive]
 pub struct SolveError {
-    /// What went wrong.
+    /// The cause.
     pub cause: Cause,
     /// The best λ reached: a start for another solve ([`super::WarmStart::lambda`]). Empty where the operator or a setting
     /// does not fit.
@@ -56,22 +56,22 @@ pub struct SolveError {
     pub history: Vec<Step>,
 }
 
-/// Why a solve could not be finished.
+/// The reason why a solve could not be finished.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Cause {
-    /// It was asked for what makes no sense.
+    /// The request was invalid.
     #[error(transparent)]
     NewtonSettings(#[from] SettingsError),
     /// The dual operator does not belong to the problem.
     #[error(
-        "the dual operator was made for another problem, with {} rows of K and {} multipliers in place of {} and {}",
+        "the dual operator was made for another problem, with {} rows of K and {} multipliers instead of {} and {}",
         found.0, found.1, expected.0, expected.1
     )]
     OtherProblem {
         /// Rows of K and of B that the problem has.
         expected: (usize, usize),
-        /// Those that the operator has.
+        /// The sizes of the operator.
         found: (usize, usize),
     },
     /// The operator has failed.
@@ -103,7 +103,7 @@ pub struct Step {
     pub n_a: usize,
     /// err / err⁰ after it.
     pub err: f64,
-    /// The same as the surrogate has predicted it; none in the algorithms as printed.
+    /// The same as predicted by the surrogate; missing in the algorithms as printed.
     pub predicted: Option<f64>,
     /// Sizes of the sets it worked with.
     pub sets: SetSizes,
@@ -113,7 +113,7 @@ pub struct Step {
     pub safeguarded: bool,
 }
 
-/// What is told of it while a solve goes on.
+/// The line on it during a solve.
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let nodes = self.sets.total();
@@ -143,12 +143,12 @@ pub struct Info {
     pub n_a_sigma: usize,
     /// ρ = β / σ_max.
     pub rho: f64,
-    /// σ_max as Lanczos, or the products of the method, have shown it.
+    /// σ_max from Lanczos, or from the products of the method.
     pub sigma_max: f64,
     /// err⁰, not relative to anything.
     pub first_error: f64,
-    /// err at the end relative to err⁰ or, if that is larger, to what the forces do to their own nodes; 0 where it is
-    /// rounding.
+    /// err at the end relative to err⁰ or, if that is larger, to the effect of the forces on their own nodes; 0 where
+    /// it is rounding.
     pub err_relative: f64,
     /// The optimality conditions at the end.
     pub kkt: Kkt,
@@ -164,18 +164,18 @@ pub struct Info {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Solution<const D: usize = 2> {
-    /// How it ended.
+    /// Its end.
     pub status: Status,
-    /// u, as long as K has rows.
+    /// u, an entry per row of K.
     pub u: Vec<f64>,
     /// λ = (λν, λτ) ∈ Λ, length D m: λν, then λτ node by node.
     pub lambda: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
-    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::floating_bodies`], where that cannot be made zero:
-    /// which way bodies are pushed that nothing holds. Empty otherwise.
+    /// Rᵀ(f − Bᵀλ) for the motions of [`crate::problem::System::floating_bodies`], if that cannot be made zero: the
+    /// push on bodies that are not held. Empty otherwise.
     pub imbalance: Vec<f64>,
-    /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty likewise.
+    /// The motion that it drives and that no forces of Λ resist, as coefficients of the same motions; empty as above.
     pub mechanism: Vec<f64>,
     /// Figures.
     pub info: Info,

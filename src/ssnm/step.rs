@@ -1,4 +1,4 @@
-//! The outer steps of Algorithms SSNM and ISSNM as they are printed, and the projected gradient step.
+//! The outer steps of Algorithms SSNM and ISSNM as printed, and the projected gradient step.
 
 use super::check::Ended;
 use super::face::Face;
@@ -12,8 +12,8 @@ use crate::dual::{DualError, DualOperator};
 use std::ops::ControlFlow;
 
 impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
-    /// Algorithms ISSNM and SSNM: outer steps until the final check is content with a point that meets the goal, or a
-    /// reason to stop.
+    /// Algorithms ISSNM and SSNM: outer steps until a point that meets the goal passes the final check, or a reason to
+    /// stop.
     pub fn run_as_printed(
         &mut self,
         way: &mut Way<D>,
@@ -46,7 +46,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
                 Method::Exact => EXACT * way.err0,
                 _ => tol * way.err0,
             };
-            // Steps 2, 3.2 and 3.3, or what the safeguard puts in their place.
+            // Steps 2, 3.2 and 3.3, or their replacement by the safeguard.
             let plan = safeguard.plan();
             let made = match plan {
                 Plan::Newton { rho } => self.newton_step(way, rho, target),
@@ -109,9 +109,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.move_to(point, start)?;
         // Step 3.3.
         let iterations = self.solve_inner(point, face, target)?;
-        // Step 3.4 takes the error at a point of Λ, and the next step goes on from there; but what the inner problem has pulled or
-        // driven beyond its bound leaves its set, whatever r is at the projection. (What the paper has not, balance and Coulomb's
-        // law, is about feasible forces.)
+        // Step 3.4 takes the error at a point of Λ, and the next step continues from there; but a multiplier that the inner
+        // problem has moved beyond its bound leaves its set, whatever r is at the projection. (The extensions to the paper,
+        // balance and Coulomb's law, use feasible forces.)
         if self.balance.is_none() && !self.law.is_coulomb() {
             way.inner = Some(point.clone());
         }
@@ -127,8 +127,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.move_to(point, target)
     }
 
-    /// The sets that a prediction with ρ gives, α as it is. Under Coulomb's law a node without force is bounded by
-    /// the one that it is predicted to get, and what is predicted to separate bears no friction.
+    /// The predicted sets for ρ, with α unchanged. Under Coulomb's law a node without force is bounded by its predicted
+    /// force, and a node predicted to separate bears no friction.
     fn predict(&self, point: &Point, rho: f64) -> Sets<D> {
         let Point { lambda, r, .. } = point;
         let mut g = self.bounds(lambda);
@@ -146,8 +146,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         sets
     }
 
-    /// A step that lowers q: projected gradient, then towards the minimum over the face of Λ that it has reached, as far as
-    /// q falls on the way to its projection.
+    /// A step that lowers q: projected gradient, then towards the minimum over the resulting face of Λ, as far as q falls
+    /// on the way to its projection.
     fn safeguarded_step(
         &mut self,
         point: &mut Point,
@@ -173,7 +173,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let step = self.step_from(&start, self.gradient_length());
             *point = step.start;
             self.move_to(point, step.end)?;
-            // Written so that NaN ends it, as a step that has become one of rounding does.
+            // Written so that NaN ends it, like a step that has become rounding.
             if !(start.q_change(point) > start.q_rounding(point)) {
                 break;
             }

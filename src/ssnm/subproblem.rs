@@ -1,20 +1,21 @@
-//! The contact problem with a surrogate of A in place of A: Algorithm SSNM in as many unknowns as there are pairs.
+//! The contact problem with a surrogate instead of A: Algorithm SSNM in as many unknowns as there are pairs.
 //!
-//! With Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`), the conditions of the contact problem at λ are
-//! those of a problem with the matrix b I on each node alone, b = c + τ, once s = S Uᵀ(λ − λᵏ) and the change a of the
-//! motion of the bodies are known:
+//! With Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`), the conditions of the contact problem at λ are those
+//! of a problem with the matrix b I on each node alone, b = c + τ, given s = S Uᵀ(λ − λᵏ) and the change a of the motion of
+//! the bodies:
 //!
 //! λ = P(z), z = λᵏ − (rᵏ + U s − Gᵀa)/b,
 //!
-//! and with bI + C in place of bI where contact is compliant: both tangents of a node have the same, so that a disc stays one.
+//! with bI + C instead of bI for compliant contact: both tangents of a node have the same compliance, so that a disc stays a
+//! disc.
 //!
-//! P the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is
-//! S s = Uᵀ(λ − λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly
-//! by the formula of Woodbury. The derivative of P on a disc is 1/(b + κ) along the tangent, κ what the circle curves q by.
-//! (Becker and Fadili, A quasi-Newton proximal splitting method, NIPS 2012, have the same for one pair.)
+//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is S s = Uᵀ(λ −
+//! λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of Woodbury. The
+//! derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle. (Becker and Fadili,
+//! A quasi-Newton proximal splitting method, NIPS 2012, have the same for one pair.)
 //!
-//! Where Newton's method finds no way down, τ is raised: the larger it is, the shorter the step, until the problem is that
-//! of a projected gradient step.
+//! Where Newton's method finds no descent, τ is raised: the larger it is, the shorter the step, until the problem is that of a
+//! projected gradient step.
 
 use super::Numbers;
 use super::law::Law;
@@ -28,7 +29,7 @@ use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
 
-/// What is to be solved.
+/// The problem to solve.
 pub(super) struct Subproblem<'a> {
     pub surrogate: &'a Surrogate,
     pub law: &'a Law,
@@ -49,10 +50,10 @@ pub(super) struct Trial {
     /// z and P(z).
     pub z: Vec<f64>,
     pub lambda: Vec<f64>,
-    /// S s − Uᵀ(λ − λᵏ), then Gλ − e; where A is known, by how much the gradient is missed.
+    /// S s − Uᵀ(λ − λᵏ), then Gλ − e; if A is known, the error of the gradient.
     pub rest: Vec<f64>,
-    /// ‖U S rest‖ and b‖Gλ − e‖ together: by how much the gradient that λ is the answer to misses that of the problem. The
-    /// error (10) of λ is no larger, as P_Λ brings points closer together.
+    /// ‖U S rest‖ and b‖Gλ − e‖ together: the distance of the gradient that λ belongs to from that of the problem. The
+    /// error (10) of λ is no larger, because P_Λ is nonexpansive.
     pub merit: f64,
 }
 
@@ -63,12 +64,12 @@ impl Trial {
     }
 }
 
-/// The equations of a contact problem in which something else takes the place of A.
+/// The equations of a contact problem in which a model replaces A.
 pub(super) trait Equations<const D: usize> {
     fn numbers(&self) -> (Numbers, &Stop<'_>);
     /// The point with these unknowns.
     fn at(&self, unknowns: Vec<f64>) -> Trial;
-    /// Newton's direction there; not finite where there is none.
+    /// Newton's direction there; not finite if it does not exist.
     fn direction(&self, trial: &Trial) -> Vec<f64>;
     /// Whether a trial is good enough; `stays`: the last step was no better than it.
     fn is_solved(&self, best: &Trial, target: f64, stays: bool) -> bool;
@@ -87,7 +88,7 @@ pub(super) trait Equations<const D: usize> {
             ..
         } = numbers;
         for step in 0..newton_steps {
-            // Where the last step was no better, what is left of a small imbalance is rounding.
+            // If the last step brought nothing, the rest of a small imbalance is rounding.
             let stays = merits[merits.len() - 1] > best.merit;
             if self.is_solved(&best, target, stays) || stop.now().is_some() {
                 return (best, step);
@@ -237,15 +238,15 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
             matrix[(j, j)] += sign;
         }
         for j in count..size {
-            // A motion that nothing resists at the moment.
+            // A motion without resistance at the moment.
             matrix[(j, j)] += CURVATURE / self.stiffness;
         }
         let right: Vec<f64> = trial.rest.iter().map(|v| -v).collect();
         solve(matrix, &right)
     }
 
-    /// Under given bounds the bodies are balanced to rounding, as far as that goes. A step along which forces change their balance
-    /// is not one that q must fall along: Gᵀα does work on it.
+    /// Under given bounds the bodies are balanced to rounding, as far as possible. Along a step in which forces change their
+    /// balance q need not fall: Gᵀα does work on it.
     fn is_solved(&self, best: &Trial, target: f64, stays: bool) -> bool {
         let balanced = |part: f64| {
             let balance = self.balance;
@@ -263,8 +264,8 @@ mod tests {
     use super::*;
     use crate::dual::scatter;
 
-    /// A contact problem on a surrogate of a few pairs of diag(1, 2, 3, …) + uuᵀ, by the projected gradient steps of many
-    /// thousand iterations: the error of the answer, what it was at the start, and the distance of the two answers.
+    /// A contact problem on a surrogate of a few pairs of diag(1, 2, 3, …) + uuᵀ, compared with many thousand projected
+    /// gradient steps: the error of the answer, that at the start, and the distance of the two answers.
     fn compare<const D: usize>(law: &Law, m: usize, pairs: usize, seed: usize) -> [f64; 3] {
         let n = D * m;
         let numbers = scatter(n * (pairs + 3) + seed);

@@ -1,4 +1,4 @@
-//! A surrogate of A made of all products that are known: the multisecant update of a multiple of the identity.
+//! A surrogate of A from all known products: the multisecant update of a multiple of the identity.
 
 use crate::dense::symmetric_largest;
 use crate::rounding::INDEPENDENT;
@@ -7,16 +7,16 @@ use faer::Mat;
 
 /// Ã = c (I − V(VᵀV)⁻¹Vᵀ) + W(VᵀW)⁻¹Wᵀ with W = AV: symmetric and positive definite, and Ãv = Av for all known v.
 ///
-/// The columns of V are A-orthonormal, so that VᵀW = I; with an orthonormal basis Q of their span Ã is
-/// c (I − QQᵀ) + WWᵀ. That is the block BFGS update of cI (Schnabel, Quasi-Newton methods using multiple secant
-/// equations, University of Colorado 1983).
+/// The columns of V are A-orthonormal, so that VᵀW = I; with an orthonormal basis Q of their span Ã is c (I − QQᵀ) + WWᵀ. That
+/// is the block BFGS update of cI (Schnabel, Quasi-Newton methods using multiple secant equations, University of Colorado
+/// 1983).
 ///
-/// Of compliant contact a part of A is known, the diagonal C. There it is the update of B₀ = cI + C: with a basis Z of the span
-/// for which ZᵀB₀Z = I it is B₀ − (B₀Z)(B₀Z)ᵀ + WWᵀ. What rows of B that depend on each other share by C alone is
-/// then known from the start, and c is left to be that of the rest.
+/// For compliant contact a part of A is known, the diagonal C. Then it is the update of B₀ = cI + C: with a basis Z of the span
+/// for which ZᵀB₀Z = I it is B₀ − (B₀Z)(B₀Z)ᵀ + WWᵀ. The part that dependent rows of B have by C alone is then known from the
+/// start, and c is the curvature of the rest.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surrogate {
-    /// c: how much A curves q along the last direction that was new, across the span of those before it.
+    /// c: the curvature of q along the last new direction, across the span of those before it.
     base: f64,
     /// Pairs kept at most.
     most: usize,
@@ -47,8 +47,8 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// Sets c for the first step, before there is any product, how many pairs to keep, and C, which pairs of another solve have
-    /// to have in common.
+    /// Sets c for the first step, before any product, the number of pairs to keep, and C, which pairs of another solve must
+    /// share.
     pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
         self.most = most;
         self.compliance = compliance.to_vec();
@@ -62,8 +62,8 @@ impl Surrogate {
         self.base
     }
 
-    /// The largest eigenvalue of A, as far as products have shown it: from below, and close once there are a few of them,
-    /// as steps follow the directions in which A is large.
+    /// An estimate of the largest eigenvalue of A from the products: from below, and close after a few of them, because
+    /// steps follow the directions in which A is large.
     pub fn largest(&self) -> f64 {
         self.largest.max(self.base + self.softest())
     }
@@ -78,7 +78,7 @@ impl Surrogate {
         base + self.compliance.get(i).copied().unwrap_or(0.0)
     }
 
-    /// The columns of [B₀Z, W] (with C = 0 that is [√c Q, W]) with their factor, and the sign that they enter Ã − B₀ with.
+    /// The columns of [B₀Z, W] (with C = 0 that is [√c Q, W]) with their factor, and their sign in Ã − B₀.
     pub fn columns(&self) -> impl Iterator<Item = (&[f64], f64, f64)> {
         let (basis, root) = match self.compliance.is_empty() {
             true => (&self.basis, self.base.sqrt()),
@@ -100,8 +100,8 @@ impl Surrogate {
         image
     }
 
-    /// Splits p into its part in the span, of which the image is returned, and the rest, which p becomes: all of it where
-    /// images are not exact.
+    /// Splits p into its part in the span, whose image is returned, and the rest, which remains in p: all of it if images
+    /// are not exact.
     pub fn split(&self, p: &mut [f64]) -> Vec<f64> {
         let mut image = vec![0.0; p.len()];
         if self.errors.iter().any(|&e| e > 0.0) {
@@ -115,10 +115,10 @@ impl Surrogate {
         image
     }
 
-    /// Adds a direction with its image, in which an error of this part (in the norm of A⁻¹) is expected. Where what is new
-    /// of it is hidden by errors, those of known pairs above all, the worst of these makes room. A direction along which A
-    /// curves q by less than `flat` does not enter: where rows of B depend on each other, it is one of rounding.
-    /// False where errors have hidden something: where the pair has not entered, or others had to go.
+    /// Adds a direction with its image, which has an error of this part (in the norm of A⁻¹). Where errors hide its new
+    /// part, mainly those of known pairs, the worst of these is dropped. A direction along which A curves q by less than
+    /// `flat` does not enter: where rows of B depend on each other, it is only rounding. False if errors have hidden
+    /// something: the pair has not entered, or others were dropped.
     pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
         // Written so that NaN is refused.
         if !(dot(direction, image) > flat * dot(direction, direction))
@@ -137,7 +137,7 @@ impl Surrogate {
         error == 0.0 || self.len() > before
     }
 
-    /// Adds a pair unless too little of it is new; returns the known one whose error is in the way.
+    /// Adds a pair unless too little of it is new; returns the known pair whose error is in the way.
     fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> Option<usize> {
         let (mut direction, mut image) = (direction.to_vec(), image.to_vec());
         let before = dot(&direction, &image);
@@ -158,7 +158,7 @@ impl Surrogate {
             new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
         if !(is_new && new >= own + others) {
             let worst = (0..self.len()).max_by(|&i, &j| inherited(i).total_cmp(&inherited(j)));
-            // What is known better than by this pair stays.
+            // A pair that is known more accurately than this one stays.
             return worst.filter(|_| others > 0.0 && own <= others);
         }
         let scale = 1.0 / new.sqrt();
@@ -174,7 +174,7 @@ impl Surrogate {
         self.gram.push(row);
         self.errors.push((own + others).sqrt() * scale);
         let length = self.extend_basis(self.len() - 1);
-        // How much of the curvature is not that of C; less than rounding tells nothing.
+        // The part of the curvature that is not from C; below rounding it contains no information.
         let direction = &self.directions[self.len() - 1];
         let given = self.compliance.iter().zip(direction);
         let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
@@ -193,7 +193,7 @@ impl Surrogate {
                 .collect()
         };
         let (mut basis, mut weighted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
-        // The basis that is orthonormal where C is 0 is near it elsewhere.
+        // The basis that is orthonormal for C = 0 is nearly so otherwise.
         for q in &self.basis {
             let mut z = q.clone();
             for _ in 0..2 {
@@ -226,7 +226,7 @@ impl Surrogate {
         }
     }
 
-    /// Adds the direction with number k to the basis; returns how long it is across those before it.
+    /// Adds the direction with number k to the basis; returns its length across those before it.
     fn extend_basis(&mut self, k: usize) -> f64 {
         let mut q = self.directions[k].clone();
         for _ in 0..2 {
@@ -258,7 +258,7 @@ mod tests {
 
     const MOST: usize = 20;
 
-    /// A dense A with eigenvalues between 1 and 3, but for a large one.
+    /// A dense A with eigenvalues between 1 and 3, except for a large one.
     fn times_a(p: &[f64]) -> Vec<f64> {
         let n = p.len() as f64;
         let sum: f64 = p.iter().sum();
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_is_reproduced_and_the_rest_is_positive() {
+    fn known_pairs_are_reproduced_and_the_rest_is_positive() {
         let len = 40;
         let (surrogate, directions) = filled(len, 12);
         assert_eq!(surrogate.len(), 12);
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_badly_makes_room_and_nothing_else_does() {
+    fn only_inaccurate_pairs_make_room() {
         let len = 40;
         let numbers = scatter(len * 6);
         let directions: Vec<&[f64]> = numbers.chunks(len).collect();
@@ -326,7 +326,7 @@ mod tests {
             surrogate.add(v, &off(v, 0.05), 0.1, 0.0);
         }
         assert_eq!(surrogate.len(), 6);
-        // Of this direction nothing is new, but it is known better now, and displaces what it is mostly made of.
+        // This direction is not new, but more accurate now, and displaces the pair that it mostly consists of.
         let sum: Vec<f64> = (0..len)
             .map(|i| 3.0 * directions[0][i] + directions[1][i])
             .collect();
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_tell_nothing_do_not_enter_and_old_ones_make_room() {
+    fn pairs_without_information_do_not_enter_and_old_ones_make_room() {
         let (mut surrogate, directions) = filled(40, 5);
         let base = surrogate.base();
         let sum: Vec<f64> = (0..40)

@@ -1,4 +1,4 @@
-//! Small problems made by hand, for what the pieces of the method say of each other: products, scaling, points, laws, the
+//! Small problems made by hand, for the consistency of the parts of the method: products, scaling, points, laws, the
 //! final check.
 
 use super::law::Law;
@@ -38,14 +38,13 @@ fn factor(problem: &ContactProblem) -> DirectDual {
     DirectDual::new(problem).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// An operator whose products and displacements are longer than they should be, by a part, and that may pass for one that
-/// iterates.
+/// An operator whose products and displacements are too long by a part, and that may pass for an iterative one.
 struct Off {
     of: DirectDual,
     by: f64,
     displaced: f64,
     iterates: Option<Correction>,
-    /// What the last request was for.
+    /// The accuracy of the last request.
     asked: Option<Accuracy>,
 }
 
@@ -148,9 +147,9 @@ fn wrong_products_are_found_out() {
     }
 }
 
-/// No step can mend a u that is not in equilibrium.
+/// No step can repair a u that is not in equilibrium.
 #[test]
-fn what_k_denies_is_no_solution() {
+fn a_point_that_k_refutes_is_not_a_solution() {
     let problem = row_of_nodes(&[1.0, 2.0, 0.5], 0.7);
     for (displaced, expected) in [(1e-7, Status::Converged), (1e-4, Status::Stagnated)] {
         let mut off = Off {
@@ -169,7 +168,7 @@ fn what_k_denies_is_no_solution() {
     }
 }
 
-/// What cannot be reached is no solution.
+/// An unreachable accuracy is not reported as reached.
 #[test]
 fn a_goal_below_rounding_ends_without_one() {
     let problem = row_of_nodes(&[1.0, 1e-9, 1.0, 1e9], 0.3);
@@ -203,7 +202,7 @@ fn products_are_as_accurate_as_the_error_needs_them() {
     };
     let energy = |absolute: f64, relative: f64| Some(Accuracy::Energy { absolute, relative });
     let dual = Scaled::new(&problem, &mut off, 0.5);
-    // √σ_max = 2 is what a change of u in energy may do to r.
+    // √σ_max = 2 is the effect of a change of u in energy on r.
     let mut products = Products::new(dual, problem.load_case(), &settings, Stop::default(), 4.0);
     assert_eq!((products.part(), products.are_exact()), (0.1, false));
     let lambda = [0.0; 4];
@@ -222,7 +221,7 @@ fn products_are_as_accurate_as_the_error_needs_them() {
         panic!("it was asked for an error in energy");
     };
     assert!((absolute - 0.1 * 3.0 / 2.0).abs() < 1e-12);
-    // Sharper products, and an r as much more accurate, as far as the tolerance.
+    // More accurate products, and an r more accurate by as much, down to the tolerance.
     assert!(products.tighten(1e-6) && (products.part() - 0.03).abs() < 1e-15);
     products
         .apply(&[1.0; 4])
@@ -291,8 +290,8 @@ fn multipliers_are_scaled_where_stiffness_varies() {
     assert_eq!(x, vec![0.1; 2 * m]);
 }
 
-/// In space both tangents of a node have the factor of the softer one, so that a disc stays a disc; what cannot slide is left
-/// as it is. b̂ = S b and ĝ = S⁻¹ g by hand, and displacements are those of λ = S λ̂.
+/// In space both tangents of a node have the factor of the softer one, so that a disc stays a disc; directions without
+/// sliding are unchanged. b̂ = S b and ĝ = S⁻¹ g by hand, and displacements are those of λ = S λ̂.
 #[test]
 fn both_tangents_of_a_node_are_scaled_alike() {
     // Springs of the three unknowns of each node; the last one has no tangents.
@@ -317,7 +316,8 @@ fn both_tangents_of_a_node_are_scaled_alike() {
     .unwrap_or_else(|error| panic!("{error}"));
     let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
     let mut scaled = Scaled::new(&problem, &mut dual, Numbers::default().scaling);
-    // 64 times as stiff is a factor of 8, but for the trace by which the power is below ½: the power of two below is 4.
+    // 64 times as stiff is a factor of 8, up to the tiny amount by which the power is below ½: the power of two below
+    // is 4.
     let normal = [1.0, 1.0, 4.0, 1.0];
     let tangential = [1.0, 1.0, 1.0, 1.0, 0.25, 0.25, 1.0, 1.0];
     let scale = [&normal[..], &tangential].concat();

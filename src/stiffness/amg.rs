@@ -1,29 +1,28 @@
-//! Algebraic multigrid by smoothed aggregation (Vaněk, Mandel, Brezina 1996): the hierarchy and its
-//! V-cycle, a preconditioner z = M r ≈ K⁻¹ r for conjugate gradients.
+//! Algebraic multigrid by smoothed aggregation (Vaněk, Mandel, Brezina 1996): the hierarchy and its V-cycle, a preconditioner
+//! z = M r ≈ K⁻¹ r for conjugate gradients.
 //!
-//! Nodes that are strongly coupled are grouped into aggregates. On each aggregate the rigid body modes
-//! (in the plane two translations and one rotation, in space three and three) give as many coarse unknowns; this
-//! tentative prolongation Q is smoothed by two steps of a damped Jacobi iteration, P = (I − ω₂ D⁻¹A)(I − ω₁ D⁻¹A) Q, and
-//! the coarse matrix is PᵀAP. So level 0 has 2 × 2 (3 × 3) blocks, the levels below 3 × 3 (6 × 6) blocks, and those of
-//! level 0 if there are no coordinates to make rotations from.
+//! Nodes that are strongly coupled are grouped into aggregates. On each aggregate the rigid body modes (in the plane two
+//! translations and one rotation, in space three and three) give as many coarse unknowns; this tentative prolongation Q is
+//! smoothed by two steps of a damped Jacobi iteration, P = (I − ω₂ D⁻¹A)(I − ω₁ D⁻¹A) Q, and the coarse matrix is PᵀAP. So
+//! level 0 has 2 × 2 (3 × 3) blocks, the levels below 3 × 3 (6 × 6) blocks, and those of level 0 without coordinates for the
+//! rotations.
 //!
-//! Where elements are many times as long as wide, three things matter. Strong are only neighbours that are near as well:
-//! ties along the diagonals of flat elements are not weak. P has blocks only for the aggregates of a node and of what
-//! pulls at it, with all other neighbours taken as if they moved rigidly with the node's own aggregate: rigid motions stay
-//! exact, and the coarse matrices sparse. And the smoother takes for D the blocks of patches of up to four nodes that hold
-//! each other much more than others; elsewhere those of the nodes, which are the D of P everywhere.
+//! Where elements are many times as long as wide, three things matter. Only neighbours that are also near count as strong:
+//! ties along the diagonals of flat elements are not weak. P has blocks only for the aggregates of a node and of the nodes
+//! that pull at it, while all other neighbours move rigidly with the node's own aggregate: rigid-body motions stay exact, and
+//! the coarse matrices sparse. And the D of the smoother consists of the blocks of patches of up to four nodes that hold each
+//! other much more than others, elsewhere of the blocks of nodes, as everywhere in P.
 //!
-//! A fixed component of a node, which K holds as a decoupled diagonal entry, takes no part in the modes; a
-//! node that is tied to no other has no aggregate and is solved by the smoother. Where the modes are
-//! dependent on an aggregate (a single node has two), the coarse unknowns that do not exist are held by a
-//! diagonal entry of their own.
+//! A fixed component of a node, which K holds as a decoupled diagonal entry, has no part in the modes; a node that is tied to
+//! no other has no aggregate and is solved by the smoother. Where the modes are dependent on an aggregate (a single node has
+//! two), the missing coarse unknowns have decoupled diagonal entries.
 //!
 //! Elements of second order: the level below K is that of their corners, which the middles follow linearly; there the matrix
 //! is that of the elements of first order, and aggregation begins. Aggregates of all nodes would take half as many iterations
 //! more, and a third more memory.
 //!
-//! Everything is computed in f64 and then stored as `S`, f32 by default, with K scaled by a power of two
-//! to entries of about 1, so that the units of the problem do not matter.
+//! Everything is computed in f64 and then stored as `S`, f32 by default, with K scaled by a power of two to entries of about
+//! 1, so that the units of the problem do not matter.
 
 mod aggregation;
 mod coarse;
@@ -48,12 +47,12 @@ use std::fmt;
 /// the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct AmgSettings {
-    /// θ: nodes i and j are strongly coupled if their block counts for more than θ times the largest
-    /// block of either (the geometric mean of the two).
+    /// θ: nodes i and j are strongly coupled if their block exceeds θ times the geometric mean of the largest blocks of
+    /// the two.
     pub theta: f64,
     /// θ on the levels below the finest.
     pub coarse_theta: f64,
-    /// θ on all levels where there are no coordinates, and [`AmgSettings::reach`] cannot help: with 0.4 bodies of graded
+    /// θ on all levels without coordinates, where [`AmgSettings::reach`] cannot help: with 0.4 bodies of graded
     /// hexahedra take 24 iterations, with 0.2 more than 60.
     pub theta_without_points: f64,
     /// Strong neighbours are closer than this times the geometric mean of the distances of the closest of either. From 2.5
@@ -65,8 +64,8 @@ pub struct AmgSettings {
     /// (0.85, 2.3) differ little: the former is better in the plane (12 for 13), the latter on large graded bodies (17
     /// for 19).
     pub weights: [f64; 2],
-    /// Whether the nodes with the most strong neighbours found their aggregates first. Their aggregates are larger, and
-    /// there are fewer; otherwise nodes take turns by their number.
+    /// Whether the nodes with the most strong neighbours found their aggregates first. This makes fewer and larger
+    /// aggregates; otherwise the order is that of their numbers.
     pub busiest_first: bool,
     /// Degree of the Chebyshev smoother, at least 1.
     pub degree: usize,
@@ -76,7 +75,7 @@ pub struct AmgSettings {
     pub dense_limit: usize,
     /// Unless the inverse has more entries than this part of those of K.
     pub dense_part: f64,
-    /// Unknowns that may be solved with their inverse where no coarser level can be made.
+    /// Unknowns that may be solved with their inverse if no coarser level can be made.
     pub stalled_dense_limit: usize,
 }
 
@@ -99,8 +98,8 @@ impl Default for AmgSettings {
 }
 
 impl AmgSettings {
-    /// What suits bodies of a dimension. In space a row has three times the blocks and a coarse block four times the
-    /// entries: all but the weakest neighbours belong to an aggregate there, which holds the complexity down.
+    /// The settings that suit bodies of a dimension. In space a row has three times the blocks and a coarse block four
+    /// times the entries: all neighbours except the weakest belong to an aggregate there, which limits the complexity.
     pub fn of_dimension(dimension: usize) -> Self {
         match dimension {
             3 => Self {
@@ -117,7 +116,7 @@ impl AmgSettings {
     }
 }
 
-/// Why there is no hierarchy for K.
+/// The reason why K has no hierarchy.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AmgError {
@@ -146,12 +145,12 @@ pub enum AmgError {
     },
     /// A motion has no stiffness.
     #[error(
-        "the stiffness matrix is singular, or not positive definite: a part of a body has no stiffness or hangs \
-         on a hinge: check that its parts are connected by more than a point. Bodies that can move as a whole \
-         need coordinates, which tell their rigid motions, or supports"
+        "the stiffness matrix is singular, or not positive definite: a part of a body has no stiffness or hangs on a \
+         hinge: check that its parts are connected by more than a point. Bodies that can move as a whole need \
+         supports, or coordinates that define their rigid-body motions"
     )]
     Singular,
-    /// The pattern of K is another one than the hierarchy was made for.
+    /// The pattern of K differs from the one that the hierarchy was made for.
     #[error(
         "the stiffness matrix has {} nodes and {} blocks, but the hierarchy was made for {} and {}: make a new hierarchy",
         found[0], found[1], expected[0], expected[1]
@@ -159,12 +158,12 @@ pub enum AmgError {
     OtherPattern {
         /// Nodes and blocks of K.
         found: [usize; 2],
-        /// Those that it was made for.
+        /// The sizes that it was made for.
         expected: [usize; 2],
     },
-    /// The corners of elements of second order are others, or there are none in place of some.
+    /// The corners of second-order elements differ, or exist on one side only.
     #[error(
-        "the corners of elements of second order are others than the hierarchy was made for: make a new hierarchy"
+        "the corners of second-order elements differ from those that the hierarchy was made for: make a new hierarchy"
     )]
     OtherCorners,
     /// Indices have 32 bits.
@@ -194,17 +193,17 @@ pub struct Smoother<S> {
     pub(crate) steps: Vec<[S; 2]>,
 }
 
-/// The inverse of what the smoother takes for A.
+/// The approximate inverse of A in the smoother.
 #[derive(Clone, Debug)]
 pub enum Inverse<S> {
-    /// That of the blocks of the nodes, row by row.
+    /// The inverses of the blocks of the nodes, row by row.
     Diagonal {
         /// Rows of a block.
         block: usize,
         /// Entries.
         values: Vec<S>,
     },
-    /// That of the blocks of disjoint patches of nodes: a row has a block for each node of its patch.
+    /// The inverses of the blocks of disjoint patches of nodes: a row has a block for each node of its patch.
     Patches(BlockMatrix<S>),
 }
 
@@ -221,20 +220,19 @@ impl<S> Inverse<S> {
     }
 }
 
-/// What is done on the coarsest level.
+/// The solver on the coarsest level.
 #[derive(Clone, Debug)]
 pub enum Coarse<S> {
     /// A product with the inverse.
     Inverse(Dense<S>),
-    /// D⁻¹, the blocks row by row: block-Jacobi, the only level where there is no multigrid.
+    /// D⁻¹, the blocks row by row: block-Jacobi, the only level without multigrid.
     Diagonal {
         /// Rows of a block.
         block: usize,
         /// Entries.
         values: Vec<S>,
     },
-    /// More smoothing, where the coarsest level is too large for an inverse. A singular matrix is not
-    /// noticed then.
+    /// More smoothing, if the coarsest level is too large for an inverse. A singular matrix is not detected then.
     Smoothed(Smoother<S>),
 }
 
@@ -247,7 +245,7 @@ pub struct Hierarchy<S = f32> {
     pub(crate) coarse: Coarse<S>,
     /// The power of two that K was multiplied with.
     pub scale: f64,
-    /// What stays where K gets other values; none of block-Jacobi.
+    /// The structure that stays when K gets other values; None for block-Jacobi.
     skeleton: Option<Skeleton>,
 }
 
@@ -258,7 +256,7 @@ pub struct LevelSize {
     pub unknowns: usize,
     /// Stored scalar entries of the matrix, or of its inverse.
     pub entries: usize,
-    /// Bytes of all that is stored for the level.
+    /// Bytes of all data of the level.
     pub bytes: usize,
 }
 
@@ -273,7 +271,7 @@ impl<S: Real> Hierarchy<S> {
         Self::of_second_order(k, coordinates, None, settings)
     }
 
-    /// As [`Hierarchy::new`]; where elements are of second order, the level below the first is that of their corners, and
+    /// Like [`Hierarchy::new`]; for second-order elements the level below the first is that of their corners, and
     /// aggregation begins there.
     pub fn of_second_order<const D: usize>(
         k: &BlockCsr<D>,
@@ -291,8 +289,8 @@ impl<S: Real> Hierarchy<S> {
         Self::of_skeleton(Some(Skeleton::new(k, settings)), k, coordinates, vertices)
     }
 
-    /// The hierarchy of a K with other values on the aggregates, the patches and the places of the blocks of P of this one; the
-    /// values of P, the coarse matrices and the bounds of the smoothers are made anew. Coordinates and corners may have moved.
+    /// The hierarchy of a K with other values on the aggregates, the patches and the pattern of P of this one; the values of P,
+    /// the coarse matrices and the bounds of the smoothers are recomputed. Coordinates and corners may have moved.
     ///
     /// # Errors
     /// If K has another number of nodes or blocks, and those of [`Hierarchy::new`].

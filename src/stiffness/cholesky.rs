@@ -30,22 +30,22 @@ use faer::{Par, Side};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Why K could not be factorised.
+/// The reason why K could not be factorised.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum FactorError {
     /// A pivot is not positive.
     #[error(
-        "the stiffness matrix is singular, or not positive definite (unknown {unknown}{place}): a part of a body \
-         has no stiffness or hangs on a hinge: check that its parts are connected by more than a point. \
-         Bodies that can move as a whole need coordinates, which tell their rigid motions, or supports"
+        "the stiffness matrix is singular, or not positive definite (unknown {unknown}{place}): a part of a body has \
+         no stiffness or hangs on a hinge: check that its parts are connected by more than a point. Bodies that can \
+         move as a whole need supports, or coordinates that define their rigid-body motions"
     )]
     NotPositiveDefinite {
         /// Its unknown, from 1.
         unknown: usize,
-        /// " at (x, y)", where that is known.
+        /// " at (x, y)", if that is known.
         place: String,
     },
-    /// A solve with the factor is too far off.
+    /// The error of a solve with the factor is too large.
     #[error(
         "the Cholesky factor failed its check: x of K x = f is off by {error:.1e} of its size (at most {limit:.0e} is \
          accepted), residual {backward:.1e} of |K| |x| + |f|; the stiffness matrix is too badly conditioned: look for \
@@ -54,15 +54,15 @@ pub enum FactorError {
     BadFactor {
         /// The relative error of the solution.
         error: f64,
-        /// What is accepted.
+        /// The accepted limit.
         limit: f64,
         /// The backward error.
         backward: f64,
     },
-    /// There is no room for it.
+    /// The memory is too small for it.
     #[error("not enough memory for the Cholesky factor ({mib} MiB)")]
     OutOfMemory {
-        /// What it takes.
+        /// The memory needed.
         mib: usize,
     },
     /// It has too many entries.
@@ -75,13 +75,13 @@ pub enum FactorError {
     OtherSize {
         /// Its rows.
         found: usize,
-        /// Those of the factor.
+        /// The size of the factor.
         expected: usize,
     },
     /// K has another pattern than the one that the factor was made for.
     #[error(
-        "the stiffness matrix ties unknown {row} to unknown {column}, which the pattern of the factor has no place for: \
-         make a new factor"
+        "the stiffness matrix couples unknowns {row} and {column} outside the pattern of the factor: make a new \
+         factor"
     )]
     OtherPattern {
         /// The row of the entry, from 1.
@@ -92,7 +92,7 @@ pub enum FactorError {
 }
 
 impl FactorError {
-    /// Whether the matrix is singular or not definite, as far as that shows.
+    /// Whether the matrix is known to be singular or indefinite.
     pub(crate) fn is_indefinite(&self) -> bool {
         matches!(
             self,
@@ -101,13 +101,13 @@ impl FactorError {
     }
 }
 
-/// Operations from which all threads share the dense blocks of the factorisation: some seconds of one of them.
-/// Entries are summed in the same order by any number.
+/// From this number of operations on all threads share the dense blocks of the factorisation: some seconds of one
+/// thread. The order of sums does not depend on the number of threads.
 const WORTH_THREADS: f64 = 1e11;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
-/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), which the terms that it is a sum of may have, is zero but for rounding: those that cancel
-/// for one value of Young's modulus leave some tenths of 1e-16 for another.
+/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), the possible size of its terms, is zero up to rounding: terms that cancel for one value
+/// of Young's modulus leave some tenths of 1e-16 for another.
 const ROUNDING: f64 = 1e-14;
 
 /// The trailing block L₂₂ of one body: a dense lower triangle over the trailing positions
@@ -118,7 +118,7 @@ struct TrailingBlock {
     values: Vec<f64>,
 }
 
-/// The order of elimination and the pattern of a factor: what stays where K gets other values.
+/// The order of elimination and the pattern of a factor: the parts that stay when K gets other values.
 struct Elimination {
     /// `order[position] = unknown`.
     order: Vec<u32>,
@@ -126,7 +126,7 @@ struct Elimination {
     position: Vec<u32>,
     /// Unknowns before the trailing blocks.
     n_leading: usize,
-    /// Those of each trailing block.
+    /// The sizes of the trailing blocks.
     sizes: Vec<usize>,
     symbolic: SymbolicCholesky<u32>,
     /// Entries of the lower triangle that it was made for.
@@ -136,7 +136,7 @@ struct Elimination {
 }
 
 impl Elimination {
-    /// How many threads the numeric factorisation is worth.
+    /// The number of threads that the numeric factorisation is worth.
     fn threads(&self) -> Par {
         if self.operations() >= WORTH_THREADS {
             Par::rayon(rayon::current_num_threads())
@@ -156,7 +156,7 @@ impl Elimination {
             .sum()
     }
 
-    /// The entries that the pattern has no place for: which, and their columns.
+    /// The entries outside the pattern, and their columns.
     fn missed(&self, lower: &Lower) -> Vec<(usize, usize)> {
         let panels = Panels::new(&self.symbolic, &[]);
         let mut panel_of = vec![0; self.order.len()];
@@ -181,7 +181,7 @@ impl Elimination {
             .collect()
     }
 
-    /// Leaves out what is zero but for rounding, where the pattern has no place for all entries: faer takes no more of them than
+    /// Leaves out entries that are zero up to rounding, if the pattern has no room for all: faer accepts no more entries than
     /// the order was made for, nor any outside of the factor.
     fn fit<const D: usize>(&self, k: &BlockCsr<D>, lower: &mut Lower) -> Result<(), FactorError> {
         let too_many = lower.row_idx.len() > self.entries;
@@ -262,7 +262,7 @@ impl Elimination {
     }
 }
 
-/// The order of elimination and the pattern of the factor: what it will cost is known before it is made.
+/// The order of elimination and the pattern of the factor, which give its cost in advance.
 pub struct Plan {
     elimination: Elimination,
     lower: Lower,
@@ -272,7 +272,7 @@ pub struct Plan {
 impl Plan {
     /// Orders the unknowns and finds the pattern of the factor.
     ///
-    /// `coordinates` has a point per block row, if they are known; `touched` says which block rows come last; the
+    /// `coordinates` has a point per block row, if they are known; `touched` tells which block rows come last; the
     /// unknowns `fixed`, in ascending order, count as zero.
     pub fn new<const D: usize>(
         k: &BlockCsr<D>,
@@ -320,7 +320,7 @@ impl Plan {
         })
     }
 
-    /// Bytes that the factor and its making will take, beside K itself.
+    /// Bytes for the factor and its computation, in addition to K itself.
     pub fn bytes(&self) -> usize {
         let Elimination {
             symbolic, sizes, ..
@@ -347,7 +347,8 @@ pub struct Factor {
     blocks: Vec<TrailingBlock>,
     /// Longest panel, for the workspace of the sweeps.
     max_rows: usize,
-    /// Seconds for ordering, symbolic and numeric factorisation; of the last one where K has got other values since.
+    /// Seconds for ordering, symbolic and numeric factorisation; after new values of K, those of the last
+    /// factorisation.
     pub seconds: f64,
 }
 
@@ -358,7 +359,7 @@ impl Factor {
         Self::on_threads(k, plan, threads)
     }
 
-    /// As [`Factor::new`], on this many threads.
+    /// Like [`Factor::new`], on this many threads.
     fn on_threads<const D: usize>(
         k: &BlockCsr<D>,
         plan: Plan,
@@ -383,11 +384,11 @@ impl Factor {
     }
 
     /// Factorises a K with other values in the same order, with the same pattern of the factor. K may have as many entries as the
-    /// one that it was made for, anywhere where the factor has some; what is zero but for rounding does not count.
+    /// one that it was made for, anywhere inside the pattern of the factor; entries that are zero up to rounding do not count.
     ///
     /// # Errors
-    /// If K has another size, or an entry elsewhere: the factor is what it was then. If it is not positive definite, or ties bodies
-    /// that were apart: there is no factor then, until this succeeds.
+    /// If K has another size, or an entry elsewhere: the factor is then unchanged. If K is not positive definite, or couples
+    /// separate bodies: there is then no factor until this succeeds.
     pub fn refactor<const D: usize>(&mut self, k: &BlockCsr<D>) -> Result<(), FactorError> {
         let start = Instant::now();
         if k.n_rows() != self.n() {
@@ -438,7 +439,7 @@ impl Factor {
         }
     }
 
-    /// The forward half of a solve: what [`Factor::finish`] takes.
+    /// The forward half of a solve: the input of [`Factor::finish`].
     pub fn reduce(&self, load: &[f64]) -> Vec<f64> {
         let mut x: Vec<f64> = self
             .elimination
@@ -470,8 +471,8 @@ impl Factor {
         self.values.len()
     }
 
-    /// B touches this many unknowns that dense trailing blocks would not pay: every solve is a full one,
-    /// and all unknowns count as trailing.
+    /// B touches so many unknowns that dense trailing blocks would not pay: every solve is a full one, and all unknowns
+    /// count as trailing.
     fn touches_too_much(&self) -> bool {
         self.elimination.n_leading == 0 && self.blocks.is_empty()
     }
@@ -625,7 +626,7 @@ fn inverse(order: &[u32]) -> Vec<u32> {
     position
 }
 
-/// The lower triangle of K by columns; zeros off the diagonal are left out, and so is what ties a fixed unknown.
+/// The lower triangle of K by columns; without zeros off the diagonal and without the couplings of a fixed unknown.
 struct Lower {
     col_ptr: Vec<u32>,
     row_idx: Vec<u32>,

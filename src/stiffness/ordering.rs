@@ -1,9 +1,8 @@
 //! Fill-reducing orders that put the unknowns of the contact last.
 //!
 //! The graph of the blocks is ordered, not that of the unknowns: a quarter of the entries in the plane, a ninth in space.
-//! Where coordinates are known, nested dissection by coordinates keeps the boundary in contact for the
-//! end at no cost in fill; without them, approximate minimum degree is told to plan for it by joining
-//! the contact unknowns of a body into a clique.
+//! Where coordinates are known, nested dissection by coordinates keeps the boundary in contact for the end at no cost in
+//! fill; without them, joining the contact unknowns of a body into a clique makes approximate minimum degree plan for it.
 
 use crate::sparse::BlockCsr;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -27,8 +26,8 @@ const fn leaf(dimension: usize) -> usize {
     if dimension == 3 { 100 } else { 3000 }
 }
 
-/// Whether a dense trailing block of `contact²` blocks pays: it has half as many entries, against a fill that is several
-/// times the entries of K in the plane, and grows like a power 4/3 of the nodes in space.
+/// Whether a dense trailing block of `contact²` blocks pays: it has half as many entries, compared with a fill that is
+/// several times the entries of K in the plane, and grows like a power 4/3 of the nodes in space.
 fn pays(dimension: usize, contact: usize, n_blocks: usize, n_nodes: usize) -> bool {
     let fill = match dimension {
         3 => 4.0 * (n_nodes as f64).powf(4.0 / 3.0),
@@ -37,7 +36,7 @@ fn pays(dimension: usize, contact: usize, n_blocks: usize, n_nodes: usize) -> bo
     contact <= 4 * n_blocks || contact <= 1 << 16 || contact as f64 <= fill
 }
 
-/// Orders the unknowns of K; `touched` says which blocks B touches.
+/// Orders the unknowns of K; `touched` tells which blocks B touches.
 pub(super) fn contact_last<const D: usize>(
     k: &BlockCsr<D>,
     coordinates: Option<&[[f64; D]]>,
@@ -58,7 +57,7 @@ pub(super) fn contact_last<const D: usize>(
     let dense: usize = contact.iter().map(|c| c.len() * c.len()).sum();
     let trailing = pays(D, dense, k.n_blocks(), k.n_block_rows());
     if !trailing {
-        // Nodes of the contact are nodes like others.
+        // Nodes of the contact are ordered like others.
         for (interior, contact) in interior.iter_mut().zip(&mut contact) {
             interior.append(contact);
         }
@@ -77,7 +76,7 @@ pub(super) fn contact_last<const D: usize>(
                     order: &mut blocks,
                 }
                 .dissect(nodes);
-                // Parts are counted anew for the next body: it has no edge to this one.
+                // Parts are counted from the start for the next body: it has no edge to this one.
             }
         }
         _ => {
@@ -113,7 +112,7 @@ pub(super) fn contact_last<const D: usize>(
 struct Dissection<'a, const D: usize> {
     k: &'a BlockCsr<D>,
     points: &'a [[f64; D]],
-    /// The part that a block belongs to at the moment; 0 for those that no part holds any more.
+    /// The present part of a block; 0 for those that no longer belong to any.
     part: &'a mut [u32],
     next_part: u32,
     order: &'a mut Vec<u32>,
@@ -233,7 +232,7 @@ fn minimum_degree<const D: usize>(
     });
     match ordered {
         Some(_) => perm.into_iter().map(|i| sorted[i as usize]).collect(),
-        // Any order is correct; this one merely fills more.
+        // Any order is correct; this one only fills more.
         None => sorted,
     }
 }

@@ -1,8 +1,8 @@
 //! Triangular solves with one dense trapezoidal panel of a Cholesky factor, for one right-hand side.
 //!
-//! A panel is column-major with `rows ≥ cols`: its top `cols × cols` part is lower triangular (what lies
-//! above the diagonal is never read). Four columns are taken together, so that the vector is read and
-//! written once for four columns of the panel: the panel itself is read once, which is the floor.
+//! A panel is column-major with `rows ≥ cols`: its top `cols × cols` part is lower triangular (entries above the
+//! diagonal are never read). Four columns are processed together, so that the vector is read and written once for four
+//! columns of the panel: the panel itself is read once, which is the lower limit.
 
 /// Columns taken together.
 const GROUP: usize = 4;

@@ -17,7 +17,7 @@ mod refine;
 
 pub(crate) use energy::Falls;
 
-/// Why K x = b was not solved.
+/// The reason why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PcgError {
@@ -27,12 +27,12 @@ pub enum PcgError {
     /// A direction without stiffness.
     #[error(
         "the stiffness matrix is singular, or not positive definite: conjugate gradients met a direction without \
-         stiffness; a part of a body has no stiffness or hangs on a hinge: check that its parts are connected by \
-         more than a point. Bodies that can move as a whole need coordinates, which tell their rigid motions, or \
-         supports"
+         stiffness; a part of a body has no stiffness or hangs on a hinge: check that its parts are connected by more \
+         than a point. Bodies that can move as a whole need supports, or coordinates that define their rigid-body \
+         motions"
     )]
     NotPositiveDefinite,
-    /// There is no multigrid hierarchy.
+    /// The multigrid hierarchy could not be made.
     #[error(transparent)]
     Hierarchy(#[from] AmgError),
     /// No progress any more.
@@ -55,7 +55,7 @@ pub enum PcgError {
 }
 
 impl PcgError {
-    /// Whether the matrix is singular or not definite, as far as that shows.
+    /// Whether the matrix is known to be singular or indefinite.
     pub(crate) fn is_indefinite(&self) -> bool {
         use AmgError::{NotPositiveDefinite, Singular};
         match self {
@@ -73,16 +73,16 @@ const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
-/// A relative residual that rounding keeps out of reach.
+/// A relative residual that is out of reach because of rounding.
 pub(crate) const UNREACHABLE: f64 = 1e-15;
 
 /// ‖r‖² never grows by this factor unless K is singular and the right-hand side has a part that no x can
 /// meet.
 pub(crate) const GROWTH: f64 = 1e14;
-/// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular but
-/// for rounding: the ratio is at most its condition, scaled to a unit diagonal.
+/// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular up to
+/// rounding: the ratio is at most its condition, scaled to a unit diagonal.
 pub(crate) const ENERGY_GROWTH: f64 = 1e12;
-/// No run is called stalled before it has made this many iterations.
+/// A run counts as stalled only after this many iterations.
 const LEAST_ITERATIONS: usize = 300;
 
 /// How K⁻¹ is approximated inside CG.
@@ -107,15 +107,15 @@ pub struct Pcg<B: Backend> {
     preconditioner: Multigrid<B>,
     /// The levels of multigrid, for a log; None for block-Jacobi.
     pub hierarchy: Option<String>,
-    /// Why it is block-Jacobi where multigrid was asked for.
+    /// The reason why it is block-Jacobi although multigrid was requested.
     pub fallback: Option<String>,
     pub(crate) x: B::Vector,
     pub(crate) r: B::Vector,
     p: B::Vector,
     q: B::Vector,
     state: B::State,
-    /// By what factor an iteration of the last run has reduced the residual, as a logarithm: it tells how
-    /// many the next run will need.
+    /// The logarithm of the factor by which an iteration of the last run reduced the residual: it predicts the
+    /// iterations of the next run.
     rate: f64,
     /// How α rᵀz falls from iteration to iteration.
     falls: Falls,
@@ -123,17 +123,17 @@ pub struct Pcg<B: Backend> {
     last: usize,
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
-    /// What it has cost.
+    /// The costs.
     pub counts: SolveCounts,
 }
 
-/// What shows whether a run makes progress.
+/// The measures of a run's progress.
 pub(crate) struct Watch {
-    /// The factor by which the energy has to grow to be called so.
+    /// The factor by which the energy has to grow to be noticeable.
     noticeable: f64,
     /// The smallest ‖r‖² at any look.
     least_rr: f64,
-    /// How far it had come when it was last looked at closely: iterations, `least_rr` and energy.
+    /// The progress at the last close look: iterations, `least_rr` and energy.
     milestone: Option<(usize, f64, f64)>,
 }
 
@@ -141,15 +141,15 @@ impl Watch {
     /// For arithmetic with this rounding error.
     pub fn new(unit_roundoff: f64) -> Self {
         Self {
-            // More than the rounding of the sum that the energy is.
+            // More than the rounding in the sum of energies.
             noticeable: 1.0 + 64.0 * unit_roundoff,
             least_rr: f64::INFINITY,
             milestone: None,
         }
     }
 
-    /// Twice the iterations have to bring something: half of the residual or some energy. The energy alone grows for long
-    /// where the residual goes up and down, the residual alone falls where the energy is as good as complete.
+    /// Twice the iterations must bring something: half of the residual or some energy. The energy alone grows for long
+    /// where the residual goes up and down, the residual alone falls where the energy is nearly complete.
     pub fn gets_nowhere(&mut self, issued: usize, progress: &Progress) -> bool {
         self.least_rr = self.least_rr.min(progress.rr);
         let due = self
@@ -169,7 +169,7 @@ impl Watch {
     }
 }
 
-/// Iterations that are enough for so many unknowns, with rounding: in exact arithmetic one for each is.
+/// The iterations that suffice for so many unknowns, with rounding: in exact arithmetic one for each.
 pub(crate) fn most_iterations(n: usize) -> usize {
     1000 + 30 * n
 }
@@ -181,8 +181,8 @@ pub(crate) struct Gather<'a, B: Backend> {
     pub out: &'a mut [f64],
 }
 
-/// A preconditioner on a backend, its levels as a table, and whether a single α rᵀz is to be trusted before a run has
-/// shown how fast they fall.
+/// A preconditioner on a backend, its levels as a table, and whether a single α rᵀz is reliable before a run has shown
+/// how fast they fall.
 type Made<B> = (Multigrid<B>, Option<String>, bool);
 
 fn on_backend<B: Backend>(
@@ -228,7 +228,7 @@ impl<B: Backend> Pcg<B> {
         Self::of_second_order(backend, k, coordinates, None, preconditioner)
     }
 
-    /// As [`Pcg::new`], for elements of second order with these corners, if there are any.
+    /// Like [`Pcg::new`], for elements of second order with these corners, if there are any.
     pub fn of_second_order<const D: usize>(
         mut backend: B,
         k: &Arc<BlockCsr<D>>,
@@ -236,7 +236,7 @@ impl<B: Backend> Pcg<B> {
         vertices: Option<&Vertices<D>>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
-        // What cannot be done without comes first: multigrid takes what is left.
+        // Indispensable data come first: multigrid takes the rest.
         let placed = placed(&mut backend, k)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
@@ -296,8 +296,8 @@ impl<B: Backend> Pcg<B> {
         }
     }
 
-    /// Takes another K of the same pattern: the preconditioner keeps its structure, which may have got worse where K has changed
-    /// much. After an error nothing can be solved.
+    /// Takes another K of the same pattern: the preconditioner keeps its structure, which may be worse if K has changed much.
+    /// After an error nothing can be solved.
     pub fn update<const D: usize>(
         &mut self,
         k: &Arc<BlockCsr<D>>,
@@ -308,7 +308,7 @@ impl<B: Backend> Pcg<B> {
         self.k = Arc::clone(k) as _;
         (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
         self.state = self.backend.state(&self.matrix, &self.x)?;
-        // What runs have shown was about the K before.
+        // The measurements of earlier runs belong to the K before.
         (self.rate, self.last, self.rounding) = (1.0, 0, refine::ROUNDING);
         self.falls.forget();
         let Self {
@@ -319,13 +319,13 @@ impl<B: Backend> Pcg<B> {
         preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
     }
 
-    /// Whether the backend's own arithmetic is enough for an f64 answer.
+    /// Whether the backend's own arithmetic suffices for an f64 answer.
     pub fn is_f64(&self) -> bool {
         self.backend.unit_roundoff() < 1e-12
     }
 
-    /// x ≈ K⁻¹b with ‖b − Kx‖ ≤ `tolerance` ‖b‖, or as close as rounding allows; both of length n. Where it
-    /// stalls, x is what it has reached.
+    /// x ≈ K⁻¹b with ‖b − Kx‖ ≤ `tolerance` ‖b‖, or as close as rounding allows; both of length n. If it stalls, x has
+    /// its result so far.
     pub fn solve(
         &mut self,
         b: &[f64],
@@ -352,7 +352,7 @@ impl<B: Backend> Pcg<B> {
         outcome.map(|_| ())
     }
 
-    /// Hands the right-hand side b of norm `length` to CG; returns what the solution has to be multiplied by.
+    /// Passes the right-hand side b of norm `length` to CG; returns the factor for the solution.
     ///
     /// Powers of two bring b near one, within the range of f32, and change no digit.
     fn load(&mut self, b: &[f64], length: f64) -> f64 {
@@ -367,12 +367,12 @@ impl<B: Backend> Pcg<B> {
         self.falls.run_to(accuracy, self.energy_unit(unit))
     }
 
-    /// What the energy on the backend has to be multiplied by if the right-hand side was divided by `unit`.
+    /// The factor for the energy on the backend if the right-hand side was divided by `unit`.
     fn energy_unit(&self, unit: f64) -> f64 {
         unit * unit * self.scale
     }
 
-    /// What a run has changed of x and has left, for a right-hand side that was divided by `unit`.
+    /// The change of x by a run and the remaining error, for a right-hand side that was divided by `unit`.
     pub(crate) fn followed(&self, progress: &Progress, unit: f64) -> Correction {
         self.falls.followed(progress, self.energy_unit(unit))
     }
@@ -382,10 +382,10 @@ impl<B: Backend> Pcg<B> {
         self.backend.subtract_product(&self.matrix, x, &mut self.r);
     }
 
-    /// CG for the right-hand side in `r`; the result is in `x`, also where the run has stalled.
+    /// CG for the right-hand side in `r`; the result is in `x`, even after a stall.
     ///
-    /// With `gather`, y = M x comes along with each look at the progress. (One text: where a run stops is decided on what
-    /// the last looks have shown, which nothing else needs.)
+    /// With `gather`, y = M x comes along with each look at the progress. (One function: the last looks decide where a
+    /// run stops, and nothing else needs them.)
     pub(crate) fn run(
         &mut self,
         goals: Run,
@@ -435,7 +435,7 @@ impl<B: Backend> Pcg<B> {
                 None => backend.progress(state, None)?,
             };
             let first_energy = *first_energy.get_or_insert(progress.energy);
-            // Rounding may have given a free motion some stiffness: x has gone far away along it.
+            // Rounding may have given a free motion some stiffness: then x has moved far along it.
             let free = progress.energy > ENERGY_GROWTH * first_energy;
             if progress.done || free {
                 self.counts.iterations += progress.iterations;
@@ -465,7 +465,7 @@ impl<B: Backend> Pcg<B> {
                     iterations: progress.iterations,
                 });
             }
-            // Late in a run little is left to do.
+            // Late in a run little work is left.
             chunk = (issued / 8).clamp(CHUNK, MAX_CHUNK);
         }
     }

@@ -12,7 +12,7 @@ use std::path::Path;
 
 pub use bodies::{one_body, stack};
 
-/// What random cases are drawn from.
+/// The choices of random cases.
 #[derive(Clone, Copy)]
 pub struct Range {
     /// Decades of Young's modulus, and of the size of a body.
@@ -30,12 +30,12 @@ pub enum Laws {
     Coulomb,
     /// As often none or Tresca's.
     Any,
-    /// None or Tresca's, whose answers are the only ones.
+    /// None or Tresca's, which make answers unique.
     Given,
 }
 
 impl Range {
-    /// Blocks and forces that one could meet, with Coulomb friction.
+    /// Realistic blocks and forces, with Coulomb friction.
     pub fn coulomb(nodes: usize) -> Self {
         Self {
             young: [2.0, 11.5],
@@ -48,9 +48,9 @@ impl Range {
 
 /// A problem with its load steps.
 pub struct Trial<const D: usize = 2> {
-    /// What it is, in a few words.
+    /// A short description.
     pub name: String,
-    /// All of it, for whoever looks for an error.
+    /// The whole case, for debugging.
     pub text: String,
     pub problem: ContactProblem<D>,
     pub loads: Vec<Load>,
@@ -91,7 +91,7 @@ pub fn coefficient(random: &mut Random) -> f64 {
     }
 }
 
-/// A friction law as the case file has it. `pressure` is a typical one, `width` a typical length.
+/// A friction law in the form of the case file. `pressure` is a typical one, `width` a typical length.
 pub fn friction(
     random: &mut Random,
     laws: Laws,
@@ -159,7 +159,7 @@ impl Turn {
         [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
     }
 
-    /// The `map` of a rectangle that places (ξ, η) there, these being expressions of x and y.
+    /// The `map` of a rectangle to (ξ, η), given as expressions of x and y.
     pub fn map(self, xi: &str, eta: &str) -> String {
         let (c, s) = (self.cos, self.sin);
         format!(
@@ -183,7 +183,7 @@ pub fn list(values: &[f64]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// Factors of what presses: positive; and of what shears or moves: up, down, reversed.
+/// Factors of pressing loads: positive; and of shearing or moving ones: up, down, reversed.
 pub struct Factors {
     pub press: Vec<f64>,
     pub shear: Vec<f64>,
@@ -200,7 +200,7 @@ impl Factors {
                 .collect()
         };
         let press = if held && chance(random, 0.4) {
-            // All of the load together, up and down: bodies may lift off.
+            // The whole load together, up and down: bodies may lift off.
             shear.clone()
         } else if chance(random, 0.5) {
             vec![1.0; steps]
@@ -217,7 +217,7 @@ impl Factors {
     }
 }
 
-/// Cells such that there are few unknowns, and not too slender.
+/// Cells, few enough for few unknowns, and not too slender.
 pub fn cells(random: &mut Random, [w, h]: [f64; 2], nodes: usize) -> [usize; 2] {
     let across = 1 + (random.unit().powi(2) * 30.0) as usize;
     let up = (across as f64 * h / w * decade(random, -0.3, 0.3)).round();
@@ -255,7 +255,7 @@ impl Stuff {
     }
 }
 
-/// A traction with the direction of a frame that is turned.
+/// A traction with directions of a rotated frame.
 pub fn traction(boundary: &str, force: [f64; 2], factors: &[f64]) -> String {
     let [x, y] = force;
     format!(

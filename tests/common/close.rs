@@ -1,6 +1,6 @@
 //! Numbers compared.
 
-/// Each number is as far as that from what is expected at most.
+/// Each number differs from the expected one by at most `tolerance`.
 #[track_caller]
 pub fn close(values: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(values.len(), expected.len());

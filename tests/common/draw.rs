@@ -1,4 +1,4 @@
-//! What is drawn from a generator.
+//! Random choices.
 
 use super::random::Random;
 

@@ -1,4 +1,4 @@
-//! Elastic half-spaces: what forces on them do far away, meshes that grow finer towards a contact, and what is compared
+//! Elastic half-spaces: displacements of forces far away, meshes that grow finer towards a contact, and comparisons
 //! with Hertz's theory.
 
 use super::models::Answer;
@@ -127,7 +127,7 @@ pub fn growing(inner: &[f64], first: f64, n: usize, end: f64) -> Vec<f64> {
     places
 }
 
-/// Where squares around the axis lie that are bent into circles at the radius 1 and left alone at `size` and near the
+/// Positions of squares around the axis that are bent into circles at the radius 1 and left alone at `size` and near the
 /// axis: this many of them up to that radius, finest there, and `out` more. The width of the last one inside is the second
 /// entry.
 pub fn rings(across: usize, out: usize, size: f64) -> (Vec<f64>, f64) {
@@ -156,7 +156,7 @@ pub fn on_rings(radii: &[f64], size: f64, [i, j]: [usize; 2]) -> [f64; 2] {
     [0, 1].map(|c| rho * (square * [s, t][c] + round * bent[c]))
 }
 
-/// Prints what an answer took.
+/// Prints the cost of an answer.
 pub fn sizes(name: &str, answer: &Answer<3>) {
     let (nodes, solution) = (answer.built.elastic.mesh.nodes.len(), &answer.solution);
     println!(
@@ -167,7 +167,7 @@ pub fn sizes(name: &str, answer: &Answer<3>) {
     );
 }
 
-/// Nothing is lost: contact and supports hold each other, but for a rest in N.
+/// Nothing is lost: contact and supports balance, up to a remainder in N.
 pub fn balanced(answer: &Answer<3>, limit: f64) {
     let [load, contact, support] = answer.resultants();
     for c in 0..3 {

@@ -6,8 +6,8 @@ use signorini::problem::{ContactData, ContactProblem};
 use signorini::sparse::{BlockCsr, Csr};
 use signorini::ssnm::Solution;
 
-/// What the friction of a contact node does. An angle is a direction within the tangent plane; in the plane of two
-/// dimensions its cosine has the sign of the one tangent.
+/// The friction state of a contact node. An angle is a direction within the tangent plane; in two dimensions its cosine
+/// has the sign of the one tangent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Friction {
     /// ‖λτ‖ < g.
@@ -30,13 +30,13 @@ impl Friction {
         Self::Slips(std::f64::consts::PI),
     ];
 
-    /// Whether strict complementarity says in which set it is.
+    /// Whether strict complementarity determines its set.
     fn is_clear(self) -> bool {
         !matches!(self, Self::OnTheVerge(_) | Self::None)
     }
 }
 
-/// What a contact node does.
+/// The state of a contact node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
     pub separated: bool,
@@ -73,8 +73,8 @@ fn matrix(rows: &[Row], n: usize) -> Csr {
     Csr::from_triplets(rows.len(), n, entries)
 }
 
-/// Chooses u*, λ* and the sets, then f, d and g so that (1)–(3) hold, with strict complementarity but for nodes that are
-/// on the verge or idle.
+/// Chooses u*, λ* and the sets, then f, d and g so that (1)–(3) hold, with strict complementarity except for nodes that
+/// are on the verge or idle.
 ///
 /// K is the matrix of a random network of springs, held to the ground here and there, on `n` unknowns; the rows of N and
 /// T select unknowns, or are general sparse ones.
@@ -191,13 +191,14 @@ pub fn manufactured<const D: usize>(
 }
 
 impl<const D: usize> Manufactured<D> {
-    /// What of an answer is not as it was chosen: displacements and forces to 1e-5, and the sets where they are clear.
+    /// The differences of an answer from the chosen one: displacements and forces to 1e-5, and the sets where they are
+    /// clear.
     pub fn wrong(&self, found: &Solution<D>) -> Result<(), String> {
         let right = |what: &str, holds: bool| match holds {
             true => Ok(()),
             false => Err(what.to_owned()),
         };
-        // u and the forces of these problems are about one, where there are any.
+        // u and the forces of these problems are about one, unless they vanish.
         for (what, found, chosen) in [
             ("u", &found.u[..self.u.len()], &self.u),
             ("λ", &found.lambda[..], &self.lambda),

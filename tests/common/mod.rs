@@ -1,4 +1,4 @@
-//! What several rooms need.
+//! Helpers of several rooms.
 
 pub mod cases;
 pub mod close;

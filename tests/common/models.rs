@@ -1,4 +1,4 @@
-//! Models of either dimension that are made in code: their answers, from which tests take what they compare.
+//! Models of either dimension made in code, with their answers for the comparisons of tests.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
@@ -61,8 +61,8 @@ where
     }
 }
 
-/// Solves load steps of which each has a model of its own that differs from the first one's in loads and in the figures
-/// that supports prescribe, no more.
+/// Solves load steps, each with its own model, which differs from the first one only in loads and in the values of
+/// supports.
 pub fn answer_in_turn<const D: usize>(models: Vec<Model<D>>, options: &SolveOptions) -> Answer<D>
 where
     ElementKind: Space<D>,
@@ -147,7 +147,7 @@ where
         stresses(&self.built.elastic.body(), &self.displacement()).0
     }
 
-    /// Where contact place i lies.
+    /// The position of contact place i.
     pub fn place(&self, i: usize) -> [f64; D] {
         self.built.elastic.contact.places[i].place
     }
@@ -184,8 +184,8 @@ where
         std::array::from_fn(|c| -self.solution.lambda[i] * normal[c] - friction[c])
     }
 
-    /// The resultants of the loads, of the contact forces (of obstacles: those between bodies cancel) and of what supports hold it with: forces inside
-    /// the body less loads and contact, where a component of a node is held.
+    /// The resultants of the loads, of the contact forces (of obstacles: those between bodies cancel) and of the support forces:
+    /// forces inside the body minus loads and contact, where a component of a node is held.
     pub fn resultants(&self) -> [[f64; D]; 3] {
         let (body, unknowns) = (self.built.elastic.body(), &self.data.unknowns);
         let mut forces = internal_forces(&body, unknowns, &self.displacement());

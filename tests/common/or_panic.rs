@@ -1,8 +1,8 @@
-//! What has to be there.
+//! Values that must exist.
 
 use std::fmt::Display;
 
-/// The value of a result that has to be one; where it is not, the words of its error, and where it was asked for.
+/// The value of a result; without one, a panic with its error and the place of the call.
 pub trait OrPanic {
     type Value;
 

@@ -1,5 +1,5 @@
-//! What an answer is judged by: sums with their rounding errors, the conditions of the contact problem, and the
-//! certificate that nothing holds a body. It shares no code with the solver.
+//! The judge of answers: sums with their rounding errors, the conditions of the contact problem, and the certificate
+//! that nothing holds a body. It shares no code with the solver.
 
 pub mod all_sets;
 pub mod balance;
@@ -15,25 +15,25 @@ use sums::{Sum, along, product};
 /// ε, the default of a case file.
 pub const TOLERANCE: f64 = 1e-6;
 
-/// What conditions (1)–(3) may be off by.
+/// The allowed violation of conditions (1)–(3).
 pub const MET: f64 = 10.0 * TOLERANCE;
 
-/// What the resultants on a body may be off by.
+/// The allowed error of the resultants on a body.
 pub const RESULTANT: f64 = 100.0 * TOLERANCE;
 
-/// What a nodal force may be off by, relative to the largest …
+/// The allowed error of a nodal force, relative to the largest …
 pub const NODAL: f64 = 3000.0 * TOLERANCE;
 
-/// … and what the gap or slip at a node says that it is off by.
+/// … and the allowed error that the gap or slip at a node implies.
 pub const LOCAL: f64 = NODAL;
 
-/// What is below this part of its terms is rounding.
+/// A value below this part of its terms is rounding.
 pub const NOTHING: f64 = 1e-11;
 
 /// Rounding of a sum relative to its terms.
 pub const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// Forces that close this many times what rounding leaves of a gap are none.
+/// Forces that close less than this many times the rounding of a gap count as zero.
 pub const NOISE: f64 = 100.0;
 
 /// The entries of a matrix: row, column, value.
@@ -53,7 +53,7 @@ pub fn length(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// The conditions (1)–(3), Coulomb's law among them, in the plane and in space: from the matrices alone.
+/// The conditions (1)–(3), including Coulomb's law, in the plane and in space: from the matrices alone.
 pub struct Oracle {
     pub k: Entries,
     pub normal: Entries,
@@ -65,20 +65,21 @@ pub struct Oracle {
     pub m: usize,
     /// Tangential multipliers of a contact node.
     pub tangents: usize,
-    /// For each connected part of K whose nodes have places, its rigid motions: orthonormal, as (unknown, entry).
+    /// For each connected part of K whose nodes have positions, its rigid-body motions: orthonormal, as (unknown,
+    /// entry).
     pub motions: Vec<Vec<(usize, f64)>>,
-    /// How far a unit force of a multiplier moves its own node at least.
+    /// The least motion of its own node under a unit force of a multiplier.
     pub compliance: Vec<f64>,
     pub free: Vec<Free>,
 }
 
-/// What an answer is off by in one respect, relative to what is allowed.
+/// A deviation of an answer, relative to the allowed one.
 pub struct Deviation {
     pub name: &'static str,
     /// Contact node or body.
     pub place: usize,
     pub times: f64,
-    /// Whether it is about the force of one node, which may be off by more.
+    /// Whether it concerns the force of one node, which may be off by more.
     pub local: bool,
 }
 
@@ -102,7 +103,7 @@ impl Oracle {
                 compliance[i + shift] += v * v / diagonal[j];
             }
         }
-        // Those of both tangents of a node together, whichever pair of tangents they are.
+        // For both tangents of a node together, independent of the choice of tangents.
         for of_node in compliance[m..].chunks_mut(D - 1) {
             let moved: Vec<f64> = of_node.iter().copied().filter(|&c| c > 0.0).collect();
             if moved.len() > 1 {
@@ -133,7 +134,7 @@ impl Oracle {
         self.mu.iter().any(|&mu| mu > 0.0)
     }
 
-    /// u less the mean rigid motion of each body.
+    /// u minus the mean rigid-body motion of each body.
     pub fn deformed(&self, u: &[f64]) -> Vec<f64> {
         let mut rest = u.to_vec();
         for motion in &self.motions {
@@ -145,18 +146,18 @@ impl Oracle {
         rest
     }
 
-    /// What lengths at (u, λ) are compared with: the deformation, or what the contact forces do to their own nodes.
+    /// The scale of lengths at (u, λ): the deformation, or the effect of the contact forces on their own nodes.
     pub fn size(&self, u: &[f64], lambda: &[f64]) -> f64 {
         largest(&self.deformed(u)).max(largest(&self.own(lambda)))
     }
 
-    /// What the displacements before are differences of: a node that sticks has hardly moved, and K⁻¹f and K⁻¹Bᵀλ are as large
-    /// as what its force does.
+    /// The scale of the terms of earlier displacements: a node that sticks has hardly moved, and K⁻¹f and K⁻¹Bᵀλ are as large
+    /// as the effect of its force.
     fn before(&self, start: &State) -> f64 {
         largest(&start.u).max(largest(&self.own(&start.lambda)))
     }
 
-    /// What each contact force does to its own node at least.
+    /// The least effect of each contact force on its own node.
     fn own(&self, lambda: &[f64]) -> Vec<f64> {
         (self.compliance.iter().zip(lambda))
             .map(|(c, l)| c * l)
@@ -175,7 +176,7 @@ impl Oracle {
         sums.into_iter().map(Sum::value).collect()
     }
 
-    /// The slip bounds that go with these multipliers.
+    /// The slip bounds for these multipliers.
     pub fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
         (0..self.m)
             .map(|i| match self.mu[i] {
@@ -185,7 +186,7 @@ impl Oracle {
             .collect()
     }
 
-    /// What closes or opens no more of a gap than rounding does, at each node: forces that are none.
+    /// For each node the force that closes or opens a gap no more than rounding: smaller forces count as zero.
     pub fn noise(&self, load: &Load, start: &State, u: &[f64]) -> Vec<f64> {
         let reach = largest(u)
             .max(self.before(start))
@@ -208,14 +209,14 @@ impl Oracle {
         self.areas[if i < m { i } else { (i - m) / tangents }]
     }
 
-    /// The largest pressure; without pressure that is more than noise, the largest traction.
+    /// The largest pressure; if no pressure exceeds the noise, the largest traction.
     pub fn largest_pressure(&self, lambda: &[f64], noise: &[f64]) -> f64 {
         let of = |which: std::ops::Range<usize>| {
             which
                 .filter(|&i| lambda[i].abs() > noise[i])
                 .fold(0.0, |p: f64, i| p.max(lambda[i].abs() / self.area(i)))
         };
-        // Under given bounds tractions may be all there is.
+        // Under given bounds there may be only tractions.
         let (pressure, traction) = (of(0..self.m), of(self.m..lambda.len()));
         if pressure > 1e-9 * traction {
             pressure
@@ -224,7 +225,7 @@ impl Oracle {
         }
     }
 
-    /// How far λ is from another λ, relative to a pressure; what is noise does not count.
+    /// The distance of λ from another λ, relative to a pressure; noise does not count.
     pub fn apart(&self, lambda: &[f64], other: &[f64], noise: &[f64], pressure: f64) -> f64 {
         let mut off = 0.0_f64;
         for i in 0..lambda.len() {
@@ -234,8 +235,8 @@ impl Oracle {
         if off == 0.0 { 0.0 } else { off / pressure }
     }
 
-    /// How the end of a step meets the conditions. What rounding has left of forces after unloading is known no better
-    /// than those before: where it misses them, it is looked at again relative to those.
+    /// The deviations of the end of a step. Remaining forces after unloading are no more accurate than those before:
+    /// where they fail, they are compared again relative to those.
     pub fn deviations(
         &self,
         load: &Load,
@@ -250,7 +251,7 @@ impl Oracle {
         self.judge(load, start, u, lambda, true).0
     }
 
-    /// How the end of a step meets the conditions; and whether rounding of a long way hides the forces. Nodal forces are
+    /// The deviations of the end of a step; and whether rounding of a large motion hides the forces. Nodal forces are
     /// measured by the largest pressure, `by_start` by that before if it was larger.
     pub fn judge(
         &self,
@@ -344,7 +345,7 @@ impl Oracle {
         if by_start {
             reference = reference.max(self.largest_pressure(&start.lambda, &noise));
         }
-        // Where nothing presses at all, the loads are the reference.
+        // Without any pressure, the loads are the reference.
         let of_node = |i: usize| match reference > 0.0 {
             true => LOCAL * reference * self.areas[i],
             false => MET * force,
@@ -358,7 +359,7 @@ impl Oracle {
             work.add_product(ln[i], gap[i]);
             work_rounding += ln[i].abs() * rounding;
             let c = self.compliance[i];
-            // What closes no more than rounding is no pressure.
+            // A force that closes no more than rounding is not a pressure.
             let pressed = ln[i] - noise[i];
             let local = pressed.min((gap[i] - rounding) / c);
             note(
@@ -396,8 +397,8 @@ impl Oracle {
             if c == 0.0 {
                 continue;
             }
-            // A node that moves has all its friction, along the motion: λτ is the point of the disc of the bound that is
-            // closest to λτ + slip / c. What it is off by is the least change of slip or friction that makes it right.
+            // A moving node has its full friction, along the motion: λτ is the point of the disc of the bound closest to
+            // λτ + slip / c. Its deviation is the least change of slip or friction that makes it right.
             let slip: Vec<f64> = of_node_i
                 .clone()
                 .map(|row| now[row] - origin[row])

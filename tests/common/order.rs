@@ -3,7 +3,7 @@
 use super::or_panic::OrPanic as _;
 use signorini::mesh::{Element, ElementKind, Mesh, Topology};
 
-/// Which elements: of first order, of second order with all nodes, or without those in the middle of faces and elements.
+/// The order of elements: first, second with all nodes, or second without nodes in the middle of faces and elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
     First,

@@ -56,8 +56,8 @@ pub fn hertz(
     )
 }
 
-/// Two equal cylinders pressed together, then pushed sideways (Cattaneo 1938, Mindlin 1949): the lower half of
-/// the upper one is let down by δ and pulled by q along its diameter.
+/// Two equal cylinders pressed together, then pushed sideways (Cattaneo 1938, Mindlin 1949): the lower half of the
+/// upper one is lowered by δ and pulled by q along its diameter.
 pub fn cattaneo(delta: f64, friction: &str, cells: usize) -> String {
     let half = |sign: &str| {
         let u = "(0.2*x + 0.8*x^5)";

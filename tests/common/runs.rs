@@ -1,4 +1,4 @@
-//! Problems solved step by step on a path, whatever comes of it, and what such a run is in print.
+//! Problems solved step by step on a path, whatever the result, and the printed form of such a run.
 
 use super::cases::Trial;
 use signorini::backend::cpu::Cpu;
@@ -43,7 +43,7 @@ impl Way {
 /// All load steps up to the first that does not converge.
 pub struct Run<const D: usize = 2> {
     pub steps: Vec<StepSolution<D>>,
-    /// The status of the last step, or what went wrong.
+    /// The status of the last step, or its error.
     pub end: String,
     /// Iterations of PCG.
     pub iterations: usize,

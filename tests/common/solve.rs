@@ -38,7 +38,7 @@ pub fn solve(problem: &ContactProblem, settings: &NewtonSettings) -> Solution {
     ssnm::solve(problem, &mut dual, settings, |_| ControlFlow::Continue(())).or_panic()
 }
 
-/// Solves with PCG on the CPU; also returns what that has cost, and the iterations of one K x = f to 1e-8.
+/// Solves with PCG on the CPU; also returns the costs, and the iterations of one K x = f to 1e-8.
 pub fn solve_nested<const D: usize>(
     problem: &ContactProblem<D>,
     settings: &NewtonSettings,

@@ -53,7 +53,7 @@ impl Solved {
         self.data.unknowns.displacements(&self.solution().u)
     }
 
-    /// Where a contact node lies.
+    /// The position of a contact node.
     pub fn place(&self, i: usize) -> [f64; 2] {
         self.elastic().contact.places[i].place
     }
@@ -81,7 +81,7 @@ pub fn refusal(text: &str) -> String {
     }
 }
 
-/// Reads a case whose files lie beside the tests.
+/// Reads a case whose files are beside the tests.
 pub fn case(text: &str) -> Case {
     Case::parse(Path::new("tests/case.toml"), text.to_owned(), &[]).or_panic()
 }
@@ -122,8 +122,8 @@ pub fn run_steps(
     (last.expect("a case has a step"), steps)
 }
 
-/// Products with A of a case with Coulomb friction, of the same steps with the slip bounds given that it ends with,
-/// and of rounds alone; all on the direct path and from the same states.
+/// Products with A of a case with Coulomb friction, of the same steps with its final slip bounds given, and of rounds
+/// alone; all on the direct path and from the same states.
 pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
     let build = built(case);
     let problem = &build.problem;
@@ -188,7 +188,7 @@ pub fn solve_case(text: &str, tolerance: f64) -> Solved {
     Solved { build, data, steps }
 }
 
-/// As [`solve_case`], and once more by iterations, which has to come to the same.
+/// Like [`solve_case`], and once more by iterations, which must give the same.
 pub fn solve_case_twice(text: &str, tolerance: f64) -> Solved {
     let solved = solve_case(text, tolerance);
     let case = case(text);

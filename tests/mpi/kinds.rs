@@ -1,11 +1,10 @@
-//! Kinds of problems that no example has, as small as they show, each on 2, 3 and 4 ranks.
+//! Kinds of problems without an example, as small as possible, each on 2, 3 and 4 ranks.
 
 use super::run::compare;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A beam tied on a foot of another mesh that stands on compliant ground, pushed to and fro: nothing but contact and friction holds
-/// them.
+/// A beam tied on a foot of another mesh that is on compliant ground, pushed to and fro: only contact and friction hold them.
 const TIED: &str = r#"
 title = "tied and compliant"
 [[mesh.part]]
@@ -89,7 +88,7 @@ friction = { coulomb = 0.2 }
 factors = [1, 0.8]
 "#;
 
-/// A block that expands between walls, warmer where it says so node by node.
+/// A block that expands between walls, warmer by values at its nodes.
 pub const NODAL: &str = r#"
 title = "warm at nodes"
 [mesh]
@@ -347,7 +346,7 @@ pub fn kinds() {
     }
 }
 
-/// One of the cases in a file, with what it reads.
+/// One of the cases in a file, with its inputs.
 pub fn case(text: &str, place: &Path) -> PathBuf {
     std::fs::write(place.join("blocks.inp"), blocks()).expect("a mesh");
     let values: Vec<String> = (0..13 * 7 * 7)

@@ -1,7 +1,7 @@
 //! Several ranks against one process, under `mpirun`: `sh tests/mpi.sh` installs what this needs and runs it.
 //!
-//! What is compared with is the program on its own, by the factor, and for a problem from matrices the conditions themselves. The
-//! same executable is what runs on the ranks where a library call is tested.
+//! The references are the program in one process, by the factor, and for a problem from matrices the conditions themselves. The
+//! same executable runs on the ranks where a library call is tested.
 
 mod kinds;
 mod rows;
@@ -86,7 +86,7 @@ fn the_templates() {
     assert_eq!(one.report["backend"], "cpu");
 }
 
-/// u and λ of a problem from matrices obey its conditions, which are looked at with nothing but the files.
+/// u and λ of a problem from matrices obey its conditions, which are checked from the files alone.
 fn matrices() {
     for ranks in [2, 4] {
         let place = tempfile::tempdir().expect("a directory");
@@ -141,8 +141,8 @@ fn the_same_bits() {
     }
 }
 
-/// The pieces of all ranks have the elements of the whole mesh, and displacements and stresses at its nodes as one process has them:
-/// also where elements of several ranks meet, and of what is warm.
+/// The pieces of all ranks have the elements of the whole mesh, and displacements and stresses at its nodes as in one process, also
+/// where elements of several ranks meet, and with temperatures.
 fn pieces_are_whole() {
     pieces_of(&example("press.toml"), 4, "");
     let place = tempfile::tempdir().expect("a directory");
@@ -222,7 +222,7 @@ obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
 friction = { coulomb = 0.3 }
 "#;
 
-/// What is wrong is told once, with the exit code of an error.
+/// A fault is reported once, with the exit code of an error.
 fn faults() {
     let place = tempfile::tempdir().expect("a directory");
     let case = place.path().join("case.toml");
@@ -240,7 +240,7 @@ fn faults() {
         &[],
         "no finite value",
     );
-    // A body that nothing holds, in space of its supports and without a contact.
+    // A body that its supports do not hold, without a contact.
     let loose = TINY
         .replace("x = 0\n", "")
         .split("[[contact]]")
@@ -267,7 +267,7 @@ fn faults() {
     assert_eq!(said.matches("error: rank 1:").count(), 1, "{said}");
 }
 
-/// What `check` says of each rank is what it then has: the unknowns, and about the memory.
+/// The forecast of `check` for each rank is correct: the unknowns, and roughly the memory.
 fn foreseen() {
     for (case, ranks) in [
         ("ball.toml", 2),
@@ -298,7 +298,7 @@ fn foreseen() {
     }
 }
 
-/// A limit of time that is past, and one of steps: the exit code of what has not converged, with everything written.
+/// An expired time limit, and a limit of steps: the exit code for no convergence, with everything written.
 fn limits() {
     for (setting, status) in [
         ("solver.time_limit=\"1ms\"", "time_limit"),
@@ -330,8 +330,8 @@ fn limits() {
     }
 }
 
-/// Processes that a launcher has started without this program's MPI are told so once; what Slurm says of an allocation, where a
-/// program runs alone, is no launcher.
+/// Processes that a launcher has started without this program's MPI report that once; the variables of a Slurm allocation,
+/// where a program runs alone, do not count as a launcher.
 fn launchers() {
     let place = tempfile::tempdir().expect("a directory");
     let case = place.path().join("tiny.toml");
@@ -358,7 +358,7 @@ fn launchers() {
             let (code, said) = started(command, &[(rank, "0"), (size, "4")]);
             assert_eq!(code, Some(1), "{said}");
             assert_eq!(said.matches("error: ").count(), 1, "{said}");
-            assert!(said.contains("4 programs were started"), "{said}");
+            assert!(said.contains("4 processes were started"), "{said}");
             let (code, said) = started(command, &[(rank, "3"), (size, "4")]);
             assert_eq!((code, said.as_str()), (Some(1), ""));
             let (code, said) = started(command, &[(rank, "0"), (size, "1")]);

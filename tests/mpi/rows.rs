@@ -1,4 +1,4 @@
-//! Programs that run under MPI already, and hand over what their ranks have.
+//! Programs that already run under MPI, and pass the rows of their ranks.
 
 use super::run::mpirun;
 use signorini::mpi::{OwnMatrices, Share, World};
@@ -8,7 +8,7 @@ use signorini::stiffness::pcg::Preconditioner;
 use std::ops::ControlFlow;
 use std::process::Command;
 
-/// Says to this executable that it is one of several ranks, and which part it has to play.
+/// Marks this executable as one of several ranks, with its role.
 pub const ROLE: &str = "SIGNORINI_MPI_ROLE";
 
 /// This executable in a role.
@@ -18,7 +18,7 @@ pub fn command(role: &str) -> &'static mut Command {
     Box::leak(Box::new(command))
 }
 
-/// What a rank does.
+/// The role of a rank.
 pub fn rank(role: &str) {
     let world = World::start().unwrap_or_else(|error| panic!("{error}"));
     match role {
@@ -26,7 +26,7 @@ pub fn rank(role: &str) {
             if world.group().rank() == 1 {
                 panic!("on purpose");
             }
-            // For ever, if nobody ends it.
+            // For ever, unless something ends it.
             world.group().wait();
         }
         _ => chain(&world),
@@ -38,8 +38,8 @@ const OWN: [usize; 3] = [4, 0, 4];
 /// All of them.
 const ALL: usize = 8;
 
-/// A chain of springs between two walls, pushed by 0.1 everywhere, whose third and sixth links may move by 0.1 until they meet
-/// something: each rank says its part of u, and rank 0 the forces.
+/// A chain of springs between two walls, pushed by 0.1 everywhere, whose third and sixth links may move by 0.1 until they
+/// touch: each rank prints its part of u, and rank 0 the forces.
 fn chain(world: &World) {
     let group = world.group();
     let first: usize = OWN[..group.rank()].iter().sum();
@@ -89,8 +89,8 @@ fn chain(world: &World) {
     }
 }
 
-/// Its solution by hand: links 2 and 5 stand at 0.1, what is outside of them hangs between 0 and 0.1 and what is between them bulges,
-/// each by the parabola of an even load.
+/// Its solution by hand: links 2 and 5 are at 0.1, the outer parts hang between 0 and 0.1 and the part between them bulges, each by
+/// the parabola of an even load.
 pub fn own_rows() {
     let run = mpirun(3, command("rows"));
     let said = String::from_utf8_lossy(&run.stdout).into_owned();
@@ -126,7 +126,7 @@ pub fn own_rows() {
             "u {i} is {u} instead of {expected}"
         );
     }
-    // What each link is pushed by beyond what its springs bear.
+    // The push on each link beyond the forces of its springs.
     let force = 0.1 - (2.0 * 0.1 - outer(2.0) - 0.2);
     for i in 0..2 {
         assert!((found("lambda", i) - force).abs() < 1e-6, "{said}");

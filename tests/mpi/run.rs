@@ -1,17 +1,17 @@
-//! The program run on ranks, and what it leaves read.
+//! The program run on ranks, and its results.
 
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// ε of a case file, where it says nothing.
+/// The default ε of a case file.
 pub const TOLERANCE: f64 = 1e-6;
-/// Pressures of single places are less accurate than what they add up to: those of the factor are measured so, too.
+/// Pressures of single places are less accurate than their sums: the same holds for the factor.
 pub const NODAL: f64 = 3000.0 * TOLERANCE;
 
-/// Solves a case on ranks, as many as each of these, and compares it with the factor, and its counts with those of conjugate gradients in
-/// one process.
+/// Solves a case on each of these numbers of ranks, and compares it with the factor, and its counts with those of conjugate
+/// gradients in one process.
 pub fn compare(case: &Path, ranks: &[usize]) {
     let name = case.file_name().expect("a file").to_string_lossy();
     let place = tempfile::tempdir().expect("a directory");
@@ -27,7 +27,7 @@ pub fn compare(case: &Path, ranks: &[usize]) {
         pairs.fold(0.0_f64, |max, (a, b)| max.max((a - b).abs())) / scale
     };
     let size = |values: &[f64]| values.iter().fold(1e-300_f64, |max, v| max.max(v.abs()));
-    // Slips and gaps may be nothing but rounding: beside what moves.
+    // Slips and gaps may be pure rounding of the motions.
     let fields = std::fs::read_dir(&direct.directory)
         .expect("a directory")
         .map(|entry| entry.expect("an entry").path())
@@ -36,7 +36,7 @@ pub fn compare(case: &Path, ranks: &[usize]) {
     for &ranks in ranks {
         let shared = solved(Some(ranks), case, &[], &place.join("ranks"));
         assert_eq!(shared.report["ranks"]["count"], ranks);
-        // Forces that are the rounding of those that act are none.
+        // Forces that are rounding of the acting ones count as zero.
         let forces = off(
             &shared.forces(),
             &direct.forces(),
@@ -79,7 +79,7 @@ pub fn signorini(command: &str) -> Command {
     program
 }
 
-/// A command on so many ranks, more than there are cores if need be.
+/// A command on so many ranks, more than there are cores if necessary.
 pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     let mut launcher = Command::new("mpirun");
     launcher.args(["--map-by", ":OVERSUBSCRIBE", "-n", &ranks.to_string()]);
@@ -89,7 +89,7 @@ pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     }
     // Ranks that wait leave the cores to those that work, and to other programs.
     launcher.env("OMPI_MCA_mpi_yield_when_idle", "1");
-    // Open MPI does not let root start anything, which it is in containers; MPICH does not mind.
+    // Open MPI refuses to start anything as root, the user in containers; MPICH does not.
     launcher
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
@@ -98,7 +98,7 @@ pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
         .expect("mpirun: sh tests/mpi.sh installs it")
 }
 
-/// What a run has left.
+/// The results of a run.
 pub struct Solved {
     pub directory: PathBuf,
     pub report: Value,
@@ -128,7 +128,7 @@ pub fn solved(ranks: Option<usize>, case: &Path, more: &[&str], directory: &Path
     report(directory)
 }
 
-/// What a run has left in a directory.
+/// The results of a run in a directory.
 pub fn report(directory: &Path) -> Solved {
     let text = std::fs::read_to_string(directory.join("report.json")).expect("a report");
     let mut tables: Vec<PathBuf> = std::fs::read_dir(directory)
@@ -175,7 +175,7 @@ impl Solved {
         self.of_steps(&["contacts"], "normal_force")
     }
 
-    /// What stands in the columns of the table whose names begin so, in all its rows.
+    /// The entries in the columns of the table whose names begin so, in all its rows.
     fn words(&self, name: &str) -> Vec<&str> {
         let mut lines = self.table.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
@@ -202,7 +202,7 @@ type Value1 = (usize, f64);
 
 const FIELDS: [&str; 2] = ["displacement", "stress"];
 
-/// Points of a grid with what is given there.
+/// Points of a grid with their data.
 pub struct Grid {
     pub cells: usize,
     pub nodes: HashMap<[u64; 3], Vec<Value1>>,
@@ -316,8 +316,8 @@ fn entries(path: &Path) -> Vec<(usize, usize, f64)> {
     all
 }
 
-/// What u and λ in a directory are off by in the conditions (1)–(3) of the problem whose matrices lie in another one, each relative
-/// to the largest of its kind.
+/// The violations of (1)–(3) by u and λ in a directory, for the problem whose matrices are in another one, each relative to the
+/// largest of its kind.
 pub fn conditions_of_matrices(problem: &Path, solution: &Path) -> f64 {
     let vector = |directory: &Path, name: &str| -> Vec<f64> {
         entries(&directory.join(name))
@@ -352,7 +352,7 @@ pub fn conditions_of_matrices(problem: &Path, solution: &Path) -> f64 {
     let mut worst = largest(&rest) / force;
     for i in 0..d.len() {
         let gap = d[i] - closing[i];
-        // Nothing overlaps or is pulled, and what presses touches.
+        // Nothing overlaps or is pulled, and pressed places touch.
         worst = worst.max(-gap / length).max(-normal[i] / force);
         worst = worst.max((normal[i] / force).min(gap / length));
         // Friction up to its bound; below it nothing slips, and it acts against the slip.

@@ -1,4 +1,4 @@
-//! The program as a user meets it: exit codes, files, messages.
+//! The program as a user sees it: exit codes, files, messages.
 
 mod cases;
 mod groups;
@@ -93,7 +93,7 @@ fn quiet_is_quiet() {
 }
 
 #[test]
-fn limits_write_what_there_is_and_exit_with_3() {
+fn limits_write_results_so_far_and_exit_with_3() {
     for (setting, status) in [
         ("solver.max_iterations=2", "iteration_limit"),
         ("solver.time_limit=0s", "time_limit"),
@@ -121,9 +121,9 @@ fn limits_write_what_there_is_and_exit_with_3() {
     }
 }
 
-/// A limit that no clock can show is none; what is no duration stays an error.
+/// A limit beyond the range of the clock counts as no limit; an invalid duration stays an error.
 #[test]
-fn absurdly_long_time_limits_are_none() {
+fn absurdly_long_time_limits_are_no_limit() {
     let solve = |limit: &str| {
         let out = directory();
         let path = out.path().to_string_lossy().into_owned();
@@ -193,7 +193,7 @@ fn without_an_adapter_a_gpu_is_an_error_and_an_open_choice_is_not() {
     assert!(text(&run.stdout).contains("no adapter"));
 }
 
-/// Over ssh and in containers there is no screen to ask for its device: drivers write nothing about that into a run.
+/// Over ssh and in containers there is no screen to ask for its device: drivers print nothing about that into a run.
 #[test]
 fn a_run_without_a_screen_has_no_lines_of_drivers() {
     let out = directory();
@@ -236,7 +236,7 @@ fn cholesky_on_a_gpu_is_refused() {
 }
 
 #[test]
-fn the_nested_path_says_so_in_the_report() {
+fn the_report_names_the_nested_path() {
     let out = directory();
     let path = out.path().to_string_lossy().into_owned();
     let run = signorini(&[

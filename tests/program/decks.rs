@@ -27,11 +27,11 @@ fn a_deck_is_solved_and_converted() {
     write(&place.path().join("blocks.inp"), PRESSED);
     let said = solved(place.path(), &["solve", "blocks.inp", "-v"]);
     assert!(
-        said.contains("blocks.inp, line 53: *NODE PRINT is passed over"),
+        said.contains("blocks.inp, line 53: *NODE PRINT is skipped"),
         "{said}"
     );
     assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
-    // Nobody has told what its numbers are in.
+    // The units of its numbers are unknown.
     assert!(!said.contains(" Pa") && !said.contains(" N,"), "{said}");
     let told = [
         "solve",
@@ -85,9 +85,9 @@ fn a_deck_is_solved_and_converted() {
     );
 }
 
-/// Elements with reduced integration are taken for others, and each run says so; those with incompatible modes are what they are.
+/// Elements with reduced integration are read as others, and each run reports it; those with incompatible modes are kept.
 #[test]
-fn elements_that_are_taken_for_others_are_told() {
+fn elements_read_as_others_are_reported() {
     let place = directory();
     for (kind, told) in [("C3D8R", true), ("C3D8I", false), ("C3D8", false)] {
         write(
@@ -95,14 +95,14 @@ fn elements_that_are_taken_for_others_are_told() {
             &PRESSED.replace("C3D8", kind),
         );
         let said = solved(place.path(), &["solve", "blocks.inp"]);
-        let hint = format!("hint: {kind} is taken for C3D8, with full integration");
+        let hint = format!("hint: {kind} is read as C3D8, with full integration");
         assert_eq!(said.contains(&hint), told, "{said}");
-        assert_eq!(said.contains("is taken for"), told, "{said}");
+        assert_eq!(said.contains("is read as"), told, "{said}");
     }
 }
 
 #[test]
-fn what_a_deck_says_beyond_is_refused_or_ignored() {
+fn unsupported_entries_of_a_deck_are_refused_or_ignored() {
     let place = directory();
     let large = PRESSED.replace("*STEP\n", "*STEP,NLGEOM\n").replace(
         "*ELASTIC\n100.,0.\n",
@@ -125,7 +125,7 @@ fn what_a_deck_says_beyond_is_refused_or_ignored() {
     );
     write(&place.path().join("case.toml"), "");
     let run = signorini_in(place.path(), &["check", "case.toml", "--ignore", "NLGEOM"]);
-    assert!(text(&run.stderr).contains("--ignore belongs to a deck"));
+    assert!(text(&run.stderr).contains("--ignore applies only to decks"));
 }
 
 /// A mesh alone is listed; of a case that cannot be solved, so is its mesh.

@@ -91,7 +91,7 @@ fn templates_on_an_adapter_in_f32() {
     );
 }
 
-/// None is missing above, and the gallery shows them all.
+/// The list above is complete, and the gallery shows all of them.
 #[test]
 fn every_template_is_tested_and_named() {
     let gallery = std::fs::read_to_string("docs/gallery.md").or_panic();

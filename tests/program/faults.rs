@@ -1,4 +1,4 @@
-//! What is left behind when things go wrong around a solve: signals, limits, full discs, errors in a late step.
+//! The remains of failures around a solve: signals, limits, full discs, errors in a late step.
 
 use crate::or_panic::OrPanic as _;
 use crate::run::{command, names};
@@ -25,8 +25,7 @@ struct Outcome {
     files: Vec<String>,
 }
 
-/// Runs a case in a directory of its own, under a shell that does `before` first; `signal` comes when so many lines have
-/// been said.
+/// Runs a case in its own directory, under a shell that does `before` first; `signal` comes after so many lines.
 fn run(text: &str, before: &str, signal: Option<(&str, usize)>) -> Outcome {
     let directory = tempfile::tempdir().or_panic();
     let (case, out) = (
@@ -75,14 +74,14 @@ fn send(signal: &str, to: &Child) {
     assert!(sent.is_ok_and(|status| status.success()));
 }
 
-/// Files that every run leaves whole: what is there must be complete, and nothing is there in part.
+/// Files that every run leaves whole: each existing file must be complete.
 fn check_files(outcome: &Outcome) {
     for name in &outcome.files {
         assert!(!name.ends_with(".part"), "{:?}", outcome.files);
     }
 }
 
-/// In the first step and in later ones. There are so many of them that a run that did not hear the signal would go on long
+/// In the first step and in later ones. There are so many of them that a run that missed the signal would continue long
 /// after it.
 #[test]
 fn a_signal_at_any_time_leaves_a_report() {
@@ -130,7 +129,7 @@ fn started(case: &Path) -> Child {
         .or_panic()
 }
 
-/// What a run has ended with, and what it has said.
+/// The exit code of a run, and its messages.
 fn ended(run: Child) -> (Option<i32>, String) {
     let ended = run.wait_with_output().or_panic();
     let errors = String::from_utf8_lossy(&ended.stderr).into_owned();
@@ -172,12 +171,12 @@ fn the_first_signal_ends_a_run_that_waits_for_a_pipe() {
         send(signal, &run);
         let (code, errors) = ended(run);
         assert_eq!(code, Some(3), "{signal}: {errors}");
-        assert!(errors.contains("while the case was read"), "{errors}");
+        assert!(errors.contains("while reading the case"), "{errors}");
     }
 }
 
 #[test]
-fn what_has_no_end_is_not_read_to_its_end() {
+fn endless_input_is_not_read_to_its_end() {
     let directory = tempfile::tempdir().or_panic();
     let case = directory.path().join("case.toml");
     std::fs::write(&case, with_mesh("/dev/zero")).or_panic();
@@ -189,7 +188,7 @@ fn what_has_no_end_is_not_read_to_its_end() {
     }
     let fifo = directory.path().join("pipe");
     pipe(&fifo);
-    // More than is read, but not for ever: who reads all of it says something else.
+    // More than the limit, but finite: a program that reads all of it has another message.
     let mut endless = Command::new("sh")
         .args(["-c", "yes '# nothing' | head -c 100000000 > \"$0\""])
         .arg(&fifo)
@@ -200,10 +199,13 @@ fn what_has_no_end_is_not_read_to_its_end() {
     let _ = endless.kill();
     let _ = endless.wait();
     assert_eq!(code, Some(1), "{errors}");
-    assert!(errors.contains("it has more than 64 MiB"), "{errors}");
+    assert!(
+        errors.contains("it is larger than the limit of 64 MiB"),
+        "{errors}"
+    );
 }
 
-/// What a link of such a name leads to is emptied, not removed; it is no result where the run reads it.
+/// The target of a link with such a name is emptied, not removed; it is not a result if the run reads it.
 #[test]
 fn links_among_the_results_stay() {
     let directory = tempfile::tempdir().or_panic();
@@ -225,7 +227,7 @@ fn links_among_the_results_stay() {
     let (code, errors) = ended(started(&at("case.toml")));
     assert_eq!(code, Some(1), "{errors}");
     assert!(
-        errors.contains("contact-001.csv: this run reads it"),
+        errors.contains("contact-001.csv: this run reads this file"),
         "{errors}"
     );
     let read = |name: &str| std::fs::read_to_string(at(name)).or_panic();
@@ -251,7 +253,7 @@ fn a_time_limit_at_any_time_leaves_a_report() {
         let report = outcome
             .report
             .unwrap_or_else(|| panic!("no report: {}", outcome.errors));
-        // Whether the others come before the end depends on the machine; either is told as it is.
+        // Whether the others come before the end depends on the machine; either is reported correctly.
         let expected = match outcome.status.code() {
             Some(0) if limit == "0s" => panic!("it has taken some time"),
             Some(0) => "converged",
@@ -264,7 +266,7 @@ fn a_time_limit_at_any_time_leaves_a_report() {
 
 #[test]
 fn a_full_disc_is_an_error_that_leaves_no_half_files() {
-    // Files may grow to so many blocks of 512 bytes; what is larger fails as on a full disc.
+    // Files may grow to so many blocks of 512 bytes; larger ones fail as on a full disc.
     for blocks in [1, 8, 64, 256, 1024] {
         let limit = format!("ulimit -f {blocks};");
         let outcome = run(PROCESS, &limit, None);
@@ -280,7 +282,7 @@ fn a_full_disc_is_an_error_that_leaves_no_half_files() {
             "{}",
             outcome.errors
         );
-        // There was room for the report, if for anything.
+        // The disc had room for the report, if for anything.
         if blocks >= 64 {
             let report = outcome
                 .report
@@ -292,7 +294,7 @@ fn a_full_disc_is_an_error_that_leaves_no_half_files() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn what_standard_output_does_not_take_is_an_error() {
+fn a_failed_standard_output_is_an_error() {
     let full = || {
         let file = std::fs::OpenOptions::new().write(true).open("/dev/full");
         Stdio::from(file.or_panic())
@@ -306,7 +308,7 @@ fn what_standard_output_does_not_take_is_an_error() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_told_before_the_solve() {
+fn an_unwritable_place_is_reported_before_the_solve() {
     let directory = tempfile::tempdir().or_panic();
     let (case, out) = (
         directory.path().join("case.toml"),
@@ -382,7 +384,7 @@ fn files_are_replaced_whole() {
     );
     write(Path::new("/dev/null"), "nothing");
     assert!(!Path::new("/dev/null").is_file());
-    // What cannot be put in its place leaves nothing beside it.
+    // A file that cannot be moved to its place leaves nothing beside it.
     let folder = directory.path().join("folder");
     std::fs::create_dir(&folder).or_panic();
     assert!(write_whole(&folder, b"x").is_err());

@@ -1,14 +1,15 @@
-//! A program without the feature `mpi` under `mpirun` and `srun`, by what these say to the processes that they start.
+//! A program without the feature `mpi` under `mpirun` and `srun`, by the variables that these pass to their processes.
 
 use crate::run::{command, directory, text, write};
 
 const CASE: &str = "[mesh.rectangle]\nsize = [1, 1]\ncells = [2, 2]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
     [[support]]\nboundary = \"left\"\nx = 0\ny = 0\n[[traction]]\nboundary = \"top\"\ny = -1e6\n";
 
-/// One of several processes cannot solve or check for all of them: the first says so, the others have its exit code. A process alone
-/// works, also in what Slurm has allocated: the shell of `salloc` and the script of `sbatch` know of tasks that are not started.
+/// One of several processes cannot solve or check for all of them: the first reports it, the others have its exit code. A process
+/// alone works, also inside an allocation of Slurm: the shell of `salloc` and the script of `sbatch` know of tasks that are not
+/// started.
 #[test]
-fn several_processes_are_told_once() {
+fn several_processes_report_once() {
     let place = directory();
     let case = place.path().join("case.toml");
     write(&case, CASE);

@@ -1,4 +1,4 @@
-//! The program as a user runs it: what is said, written and promised, and what is left behind when things go wrong.
+//! The program as a user runs it: its messages, files and promises, and its remains after failures.
 
 #[path = "../common/close.rs"]
 mod close;

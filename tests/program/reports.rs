@@ -1,5 +1,5 @@
-//! What contacts and supports are said to carry, against values by hand: forces, moments about their centres, and the work
-//! that friction takes. All follow from statics, as the material is so stiff that nothing else moves.
+//! The reported forces of contacts and supports, against values by hand: forces, moments about their centres, and the work
+//! that friction dissipates. All follow from statics, because the material is so stiff that nothing else moves.
 
 use crate::close::close;
 use crate::run::{numbers, solved};
@@ -16,8 +16,8 @@ fn number(value: &Value) -> f64 {
 }
 
 /// A block 2 long, 1 high and 0.5 thick on a floor, under 1000 (1 + 0.3 x) Pa, whose top is driven to the right, and back by
-/// twice as much. Its weight N = 0.5 (2000 + 600) = 1300 N presses with −100 N m about its middle x = 1, as
-/// 0.5 · 300 ∫ x (x − 1) dx = 100; friction and what drives it are a couple μ N · 1 m.
+/// twice as much. Its weight N = 0.5 (2000 + 600) = 1300 N presses with −100 N m about its middle x = 1, because 0.5 · 300 ∫
+/// x (x − 1) dx = 100; friction and the driving force are a couple μ N · 1 m.
 #[test]
 fn a_block_pushed_to_and_fro() {
     let (n, friction) = (1300.0, MU * 1300.0);
@@ -46,12 +46,12 @@ fn a_block_pushed_to_and_fro() {
             close(&numbers(&contact["moment"]), &moment, EXACT * n);
             let work = number(&contact["slipping_work"]);
             close(&[work], &[friction * way], EXACT * friction * way);
-            // It has no arm: all its forces lie in one line.
+            // It has no arm: all its forces are in one line.
             close(&numbers(&support["centre"]), &[1.0, 1.0], 1e-9);
             close(&numbers(&support["force"]), &[-rubbed, 0.0], EXACT * n);
             close(&numbers(&support["moment"]), &[0.0], EXACT * n);
         }
-        // Pressed only: what the block spreads is held by friction and, 1 above, by the support.
+        // Only pressed: friction and, 1 above, the support hold the spreading of the block.
         let contact = &report["steps"][0]["contacts"][0];
         let rubbed = numbers(&contact["force"])[0];
         close(&numbers(&contact["moment"]), &[100.0 - rubbed], EXACT * n);

@@ -1,4 +1,4 @@
-//! The program run, and what it leaves read: what several rooms need.
+//! Running the program and reading its results, for several rooms.
 
 use crate::or_panic::OrPanic as _;
 use serde_json::Value;
@@ -25,12 +25,12 @@ pub fn signorini_in(directory: &Path, arguments: &[&str]) -> Output {
         .or_panic()
 }
 
-/// Solves a case in a directory of its own, without a word: the report.
+/// Solves a case in its own directory, quietly: the report.
 pub fn solved(case: &str) -> Value {
     solved_in(directory().path(), case)
 }
 
-/// Solves a case beside the files of a directory, without a word: the report.
+/// Solves a case beside the files of a directory, quietly: the report.
 pub fn solved_in(directory: &Path, case: &str) -> Value {
     write(&directory.join("case.toml"), case);
     let arguments = ["solve", "case.toml", "--output", "out", "--quiet"];
@@ -60,7 +60,7 @@ pub fn report(directory: &Path) -> Value {
     serde_json::from_str(&read(&directory.join("report.json"))).or_panic()
 }
 
-/// What lies in a directory, in order; nothing where there is none.
+/// The names in a directory, in order; empty if it does not exist.
 pub fn names(directory: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(directory).into_iter().flatten();
     let mut names: Vec<String> = entries

@@ -1,4 +1,4 @@
-//! Cases of solids in the program: what it says, what it writes, and problems in space from matrices.
+//! Cases of solids in the program: its messages and files, and problems in space from matrices.
 
 use crate::close::close;
 use crate::or_panic::OrPanic as _;
@@ -91,7 +91,7 @@ fn the_program_writes_all_of_a_solid() {
     let nodes = ["separated", "stick", "slip", "frictionless"];
     assert!(nodes.iter().all(|name| sets[name].is_u64()), "{sets}");
 
-    // contact.csv says the same: the pressures and tractions of its nodes, and their columns along the axes.
+    // contact.csv has the same: the pressures and tractions of its nodes, and their columns along the axes.
     let text = read(&results, "contact-002.csv");
     let (head, rows) = columns(&text);
     assert_eq!(
@@ -162,7 +162,7 @@ fn the_program_writes_all_of_a_solid() {
         );
         for name in ["deformed-001", "deformed-002", "contact-001", "contact-002"] {
             let picture = read(&results, &format!("{name}.svg"));
-            // Any letters may stand in the image.
+            // The image may contain any letters.
             let drawn: String = picture
                 .lines()
                 .filter(|line| !line.contains("base64"))
@@ -320,12 +320,12 @@ fn matrices_of_neither_dimension_are_refused() {
     );
     let text = told();
     assert!(
-        text.contains("T has 1 rows like N: there it has two for each contact node, 2 in all"),
+        text.contains("T has 1 rows like N: in space T needs two for each contact node, 2 in all"),
         "{text}"
     );
 }
 
-/// A bar under a torque and a force on its end: what its other end carries about its centre.
+/// A bar under a torque and a force on its end: the reaction of its other end about its centre.
 #[test]
 fn supports_tell_the_moment_they_carry() {
     let directory = directory();
@@ -402,7 +402,7 @@ fn contacts_of_two_solids_tell_moment_and_work() {
     }
     let work = |step: usize| report["steps"][step]["contacts"][0]["slipping_work"].as_f64();
     let rubbed = |step: usize| report["steps"][step]["contacts"][0]["tangential_force"].as_f64();
-    // It slides all over from the second step on, less by what the blocks give way.
+    // It slides everywhere from the second step on, less by the compression of the blocks.
     for (step, way) in [(1, 0.02), (2, 0.04)] {
         let ratio = work(step).unwrap_or(0.0) / (rubbed(step).unwrap_or(0.0) * way);
         assert!(ratio > 0.8 && ratio < 1.05, "{ratio}");
@@ -449,7 +449,7 @@ fn an_input_file_is_converted_and_solved() {
     for (arguments, expected) in [
         (
             vec!["convert", "cube.inp", "cube.vtu"],
-            "only files of Gmsh and, of a deck, case files are written: call it .msh or .toml",
+            "only Gmsh meshes and, from a deck, case files are written: name the file .msh or .toml",
         ),
         (
             vec!["convert", "none.inp", "cube.msh"],
@@ -461,7 +461,7 @@ fn an_input_file_is_converted_and_solved() {
         ),
         (
             vec!["convert", "cube.inp", "cube.msh", "--cell-data", "a"],
-            "--cell-data belongs to a .vtu file",
+            "--cell-data applies only to .vtu files",
         ),
     ] {
         let output = signorini_in(directory.path(), &arguments);
@@ -479,7 +479,7 @@ fn an_input_file_is_converted_and_solved() {
     let output = signorini_in(directory.path(), &["check", "bad.toml"]);
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("bad.toml, line 1: cell_data belongs to a .vtu file"),
+        told.contains("bad.toml, line 1: cell_data applies only to .vtu files"),
         "{told}"
     );
     let held = case("cube.inp", "") + "[[traction]]\nboundary = \"corner\"\nx = 1\n";
@@ -494,7 +494,7 @@ fn an_input_file_is_converted_and_solved() {
     );
 }
 
-/// Elements of second order: told by `check`, counted in the report, and read back from the grid of a solution.
+/// Elements of second order: listed by `check`, counted in the report, and read back from the grid of a solution.
 #[test]
 fn elements_of_second_order_go_through_all_files() {
     let bent = "[mesh]\norder = 2\n[mesh.box]\nsize = [2, 1, 1]\ncells = [2, 1, 1]\nshape = \"SHAPE\"\n\
@@ -529,7 +529,7 @@ fn elements_of_second_order_go_through_all_files() {
         let mesh = format!("mesh          45 nodes, {described} (order 2), 1 body; ");
         let text = told(&["check", "case.toml"]);
         assert!(text.contains(&mesh), "{text}");
-        // The volume is that of the map, whose sides are parabolas; so is what is read back.
+        // The volume is that of the map, whose sides are parabolas; the mesh read back has the same.
         let line = "region        \"body\": volume 2.0000e0";
         assert!(text.contains(line), "{text}");
         let text = told(&["convert", "out/solution.vtu", "back.msh"]);
@@ -549,7 +549,7 @@ fn elements_of_second_order_go_through_all_files() {
                 "{hints}"
             );
         }
-        // The view has all parts of facets, and lines along edges of elements alone.
+        // The view has all parts of facets, and lines only along edges of elements.
         let plotted = [
             "solve",
             "case.toml",

@@ -5,7 +5,7 @@ use crate::run::command;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a run has written, without what it cost: the contents of each file by its name.
+/// The results of a run without its costs: the contents of each file by its name.
 fn results(arguments: &[&str], threads: usize) -> BTreeMap<String, Vec<u8>> {
     let out = tempfile::tempdir().or_panic();
     let run = command(&["solve"])

@@ -1,5 +1,5 @@
-//! Bodies of revolution against closed forms: Lamé's cylinder, a rotating one, Hertz's sphere, shrink fits; and what cannot be
-//! said of them.
+//! Bodies of revolution against closed forms: Lamé's cylinder, a rotating one, Hertz's sphere, shrink fits; and entries that
+//! are invalid for them.
 
 use crate::common::half_space::{compare, ellipsoid_fit};
 use crate::common::published;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 const ROUND: &str = "[analysis]\nplane = \"axisymmetric\"\n";
 
-/// Kinds of elements: what `[mesh]` and what the rectangle says.
+/// Kinds of elements: the entries of `[mesh]` and of the rectangle.
 const KINDS: [(&str, &str); 4] = [
     ("order = 1", ""),
     ("order = 1", "shape = \"triangle\","),
@@ -24,8 +24,8 @@ fn at_nodes(solved: &Solved) -> Vec<Stress> {
     stresses(&solved.elastic().body(), &solved.displacement()).0
 }
 
-/// Stretched by a in all radii and by b along the axis, under what that takes at the border, elements with straight sides are so
-/// everywhere; those that touch the axis, too.
+/// Stretched by a in all radii and by b along the axis, under the tractions of that at the border, elements with straight sides
+/// have that stretch everywhere, including those on the axis.
 #[test]
 fn a_uniform_strain_is_met() {
     let [a, b] = [1e-3, -2e-3];
@@ -197,7 +197,7 @@ fn warm_rings_expand_without_stress() {
     }
 }
 
-/// A ball on a plate, both elastic: pressures against Hertz's for the force that is put on.
+/// A ball on a plate, both elastic: pressures against Hertz's for the applied force.
 #[test]
 fn hertz_sphere() {
     let (r, a) = (50.0, 3.0);
@@ -212,7 +212,7 @@ fn hertz_sphere() {
             ("plate", on_the_plate, [0.02, 0.005]),
             ("ball", on_the_ball, [0.01, 0.002]),
         ] {
-            // What it says is the pressure is force/(2r).
+            // The pressure in its name is force/(2r).
             let text = published::hertz(r, cells, 0.2, young, 2.0 * force / (PI * r), sides)
                 .replace(
                     "[[material]]\nregion = \"disc\"",
@@ -265,7 +265,7 @@ fn hertz_sphere() {
     }
 }
 
-/// Two discs that lie on each other with meshes that do not match, pressed together: the pressure is uniform up to the axis.
+/// Two discs on each other with meshes that do not match, pressed together: the pressure is uniform up to the axis.
 #[test]
 fn a_uniform_pressure_is_handed_on() {
     for (order, shape) in KINDS {
@@ -360,9 +360,9 @@ fn a_shrunk_ring_holds() {
     }
 }
 
-/// Nothing but the floor holds a disc up: it has one motion as a whole, along the axis.
+/// Only the floor holds a disc up: it has one motion as a whole, along the axis.
 #[test]
-fn a_disc_lies_on_the_floor() {
+fn a_disc_rests_on_the_floor() {
     for order in [1, 2] {
         let text = format!(
             "[mesh]\norder = {order}\nrectangle = {{ size = [1, 0.2], cells = [10, 3] }}\n[analysis]\nplane = \"axisymmetric\"\n\
@@ -379,7 +379,7 @@ fn a_disc_lies_on_the_floor() {
 }
 
 #[test]
-fn what_cannot_be_said_of_a_ring_is_refused() {
+fn entries_invalid_for_a_ring_are_refused() {
     let refused = |analysis: &str, map: &str, rest: &str| -> String {
         let text = format!(
             "[mesh]\nrectangle = {{ size = [1, 1], cells = [2, 2], map = {map} }}\n[analysis]\nplane = \"axisymmetric\"\n{analysis}\n\
@@ -403,7 +403,7 @@ fn what_cannot_be_said_of_a_ring_is_refused() {
         ),
         (
             refused("", "[\"x - 0.5\", \"y\"]", ""),
-            "lies beyond the axis of revolution",
+            "is beyond the axis of revolution",
         ),
         (
             refused(

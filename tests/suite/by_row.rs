@@ -1,5 +1,5 @@
-//! What a row can be known to is a matter of that row: gaps, slip bounds, origins of slip and bodies of any size leave others as
-//! they are. K is diagonal in most of these, so that the right answers are known by hand.
+//! Each row has its own accuracy: gaps, slip bounds, origins of slip and bodies of any size leave other rows as they are. K is
+//! diagonal in most of these, so that the right answers are known by hand.
 
 use crate::common::or_panic::OrPanic as _;
 use crate::common::runs::Way;
@@ -40,7 +40,7 @@ fn step(problem: &ContactProblem, start: &State, way: Way) -> StepSolution {
     .or_panic()
 }
 
-/// Solves by both ways, and compares u and λ with what they have to be.
+/// Solves by both ways, and compares u and λ with the expected ones.
 fn check(what: &str, problem: &ContactProblem, u: &[f64], lambda: &[f64]) {
     for way in WAYS {
         let what = format!("{what}, {}", way.name());
@@ -59,7 +59,7 @@ fn check(what: &str, problem: &ContactProblem, u: &[f64], lambda: &[f64]) {
 }
 
 #[test]
-fn a_gap_that_nothing_reaches_leaves_others_alone() {
+fn an_unreachable_gap_leaves_others_alone() {
     for far in [
         1.0,
         1e6,
@@ -91,7 +91,7 @@ fn a_gap_that_nothing_reaches_leaves_others_alone() {
 }
 
 #[test]
-fn a_bound_that_nothing_reaches_never_slips_and_leaves_others_alone() {
+fn an_unreachable_bound_never_slips_and_leaves_others_alone() {
     let load = [1.0, 0.5, 1.0, -0.5];
     for large in [1.0, 1e9, 1e30, 1e300, f64::INFINITY] {
         let problem = on_springs(&[1.0; 4], &load, &[0.0; 2], &[0.1, large]);
@@ -111,7 +111,7 @@ fn a_bound_that_nothing_reaches_never_slips_and_leaves_others_alone() {
             &[0.0, 0.4, 0.0, 0.0],
             &lambda,
         );
-        // What does not touch does not stick.
+        // An open node does not stick.
         let problem = on_springs(&[1.0; 4], &load, &[0.0, 2.0], &[0.0; 2])
             .with_friction_coefficient(vec![0.1, large])
             .or_panic();
@@ -168,9 +168,9 @@ fn bodies_that_move_far_leave_others_alone() {
     }
 }
 
-/// Rows of N and T in units of their own: multipliers are those without, divided by them.
+/// Rows of N and T in arbitrary units: multipliers are divided by these units.
 #[test]
-fn units_of_rows_are_the_choice_of_whoever_makes_them() {
+fn units_of_rows_are_arbitrary() {
     let scales: Vec<f64> = (-6..=6).map(|e| 10_f64.powi(e)).collect();
     let m = scales.len();
     let rows = |first: usize| {
@@ -200,7 +200,7 @@ fn units_of_rows_are_the_choice_of_whoever_makes_them() {
 }
 
 #[test]
-fn rows_without_entries_are_met_where_nothing_overlaps() {
+fn rows_without_entries_hold_without_an_overlap() {
     let data = |gap: f64| ContactData {
         stiffness: BlockCsr::from_triplets(2, 2, (0..2).map(|i| (i, i, 1.0))),
         load: vec![1.0, 0.5],
@@ -228,9 +228,9 @@ fn rows_without_entries_are_met_where_nothing_overlaps() {
     }
 }
 
-/// A node that sticks while its load goes and comes back: what is left of its slip then is rounding of the way before.
+/// A node that sticks while its load goes and comes back: its remaining slip is rounding of the earlier motion.
 #[test]
-fn what_is_left_after_unloading_is_nothing() {
+fn unloading_leaves_nothing() {
     for (k, n, load) in [
         ([1.76, 42.9], [0.27256, -0.96214], [5292.4, -135480.6]),
         ([3e-7, 2e5], [0.6, 0.8], [-7.0, 1e3]),
@@ -252,7 +252,7 @@ fn what_is_left_after_unloading_is_nothing() {
             let unloaded = problem.clone().with_load(vec![0.0; 2]).or_panic();
             let after = step(&unloaded, &state, way);
             assert_eq!(after.status, Status::Converged, "{k:?} {}", way.name());
-            // What the load would do alone.
+            // The effect of the load alone.
             let moved = load
                 .iter()
                 .zip(&k)
@@ -264,8 +264,8 @@ fn what_is_left_after_unloading_is_nothing() {
     }
 }
 
-/// Nodes whose stiffnesses lie far apart, each pressed by twice what closes its gap: each force is as accurate as the tolerance promises
-/// of lengths, relative to its own.
+/// Nodes with very different stiffnesses, each pressed by twice the force that closes its gap: each force is as accurate as the
+/// tolerance promises of lengths, relative to its own.
 #[test]
 fn stiff_contacts_leave_soft_ones_alone() {
     for decades in [2, 4, 6, 8, 10, 12] {

@@ -85,7 +85,7 @@ fn every_beta_converges_in_space() {
     }
 }
 
-/// Without the faces that its safeguard visits this does not converge at all.
+/// Without the faces of its safeguard this does not converge at all.
 #[test]
 fn a_slender_beam_converges() {
     let problem = problem(&BEAM, 3, SolidShape::Hexahedron);
@@ -129,7 +129,7 @@ fn case_c_by_pcg_costs_few_linear_solves() {
             }
             made
         });
-        // Twice what each of them may be off by.
+        // Twice the permitted error of each.
         assert!(distance(&found.u, &exact.u) < 2e-3);
         assert!(found.sets.differences(&exact.sets) <= problem.m() / 50);
     }

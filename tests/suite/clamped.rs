@@ -1,4 +1,4 @@
-//! Contact where supports hold nodes of the boundary that carries the multipliers: nothing but what touches may push, whichever
+//! Contact where supports hold nodes of the boundary that carries the multipliers: only touching places may push, whichever
 //! side is named first.
 
 use crate::common::Random;
@@ -33,7 +33,7 @@ struct Leaf {
     is_split: bool,
 }
 
-/// What differs between the plane and space.
+/// The differences between the plane and space.
 trait Dimension<const D: usize>
 where
     ElementKind: Space<D>,
@@ -167,7 +167,7 @@ fn some_leaves(random: &mut Random, order: Order) -> Vec<Leaf> {
         .collect()
 }
 
-/// Each leaf bends farther than the one below it, by ten times that where both do so the same way: nothing can touch.
+/// Each leaf bends farther than the one below it, by ten times the difference under equal loads: nothing can touch.
 fn pulled_apart<const D: usize, S: Dimension<D>>(seed: u64, number: usize)
 where
     ElementKind: Space<D>,
@@ -214,7 +214,7 @@ fn leaves_that_are_pulled_apart_do_not_touch() {
     pulled_apart::<3, InSpace>(1001, 25);
 }
 
-/// A leaf spring of two equal leaves bends as one half of the load on each; the contact hands that half on.
+/// A leaf spring of two equal leaves bends like one under half of the load on each; the contact transfers that half.
 #[test]
 fn a_leaf_spring_hands_half_of_its_load_on() {
     fn of<const D: usize, S: Dimension<D>>(poisson: f64, off: f64)
@@ -241,13 +241,13 @@ fn a_leaf_spring_hands_half_of_its_load_on() {
     }
     of::<2, InPlane>(0.0, 0.07);
     of::<3, InSpace>(0.0, 0.08);
-    // Both ends of the clamp are singular, and two meshes say differently by how much.
+    // Both ends of the clamp are singular, and two meshes differ in the amount.
     of::<2, InPlane>(0.3, 0.4);
     of::<3, InSpace>(0.3, 0.5);
 }
 
 #[test]
-fn tied_leaves_bend_as_one_whichever_side_is_first() {
+fn tied_leaves_bend_as_one_in_either_order_of_sides() {
     fn of<const D: usize, S: Dimension<D>>(order: Order, cells: [[usize; 2]; 2], off: [f64; 2])
     where
         ElementKind: Space<D>,
@@ -309,7 +309,7 @@ fn leaf(low: f64, nx: usize) -> Leaf {
     }
 }
 
-/// Where supports hold the whole boundary that is named first, the other one has the multipliers.
+/// If supports hold the whole first-named boundary, the other one has the multipliers.
 #[test]
 fn a_rigid_side_may_be_named_first() {
     fn of<const D: usize, S: Dimension<D>>()
@@ -339,8 +339,8 @@ fn a_rigid_side_may_be_named_first() {
     of::<3, InSpace>();
 }
 
-/// A leaf that is pressed down and then driven along another one by its end, whose corner touches: all that it is pressed with
-/// rubs, whichever side has the multipliers.
+/// A leaf that is pressed down and then driven along another one by its end, whose corner touches: the whole pressing force
+/// causes friction, whichever side has the multipliers.
 #[test]
 fn nodes_that_supports_drive_rub_as_well() {
     fn of<const D: usize, S: Dimension<D>>()
@@ -377,7 +377,7 @@ fn nodes_that_supports_drive_rub_as_well() {
 
 /// A face whose nodes move alike is held by what moves them.
 #[test]
-fn a_face_that_moves_as_one_is_no_clamp_to_what_touches_it() {
+fn a_face_that_moves_as_one_does_not_clamp_its_contact() {
     for is_swapped in [false, true] {
         let all = [leaf(0.0, 9), leaf(1.0, 7)];
         let model = leaves::<2, InPlane>(&all, &[-0.01, 0.01], is_swapped, 0.3, touch);

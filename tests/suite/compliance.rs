@@ -153,8 +153,8 @@ fn a_stiff_body_tilts_on_springs() {
     }
 }
 
-/// Pressed on springs and moved along: the traction is k times the way until it is μp, and on the way back it falls with the same
-/// slope. What is dissipated is μp times the way less that of the springs.
+/// Pressed on springs and moved along: the traction is k times the displacement until it is μp, and on the way back it falls with
+/// the same slope. The dissipated work is μp times the displacement minus that of the springs.
 #[test]
 fn the_slope_before_slip() {
     let (p, mu, k) = (1e6, 0.4, 1e11);
@@ -186,7 +186,7 @@ fn the_slope_before_slip() {
             );
         }
         assert!(found.solution.lambda[m] * steps[1].lambda[m] < 0.0);
-        // The slip of the second step is the way less what the springs have taken: 5 − 1 of slips_at.
+        // The slip of the second step is the displacement minus the part of the springs: 5 − 1 of slips_at.
         assert!(off(steps[1].slip.iter().map(|s| s.abs()), 4.0 * slips_at) < 1e-6);
         assert!(off(steps[2].slip.iter().map(|s| s.abs()), slips_at) < 1e-6);
     }
@@ -315,7 +315,8 @@ fn compliance_costs_no_products() {
     }
 }
 
-/// A corner node between a floor and a wall rubs on both, where both give way: with hard contact there would be no direction left.
+/// A corner node between a floor and a wall has friction on both, if both are compliant: with hard contact no direction would be
+/// left.
 #[test]
 fn a_corner_between_two_obstacles_keeps_its_friction() {
     let wall = Obstacle::HalfSpace {
@@ -359,7 +360,7 @@ fn a_corner_between_two_obstacles_keeps_its_friction() {
             .filter(|&i| soft.place(i) == [0.0, 0.0])
             .collect();
         assert_eq!(corner.len(), 2);
-        // All forces balance; the corner has friction of its own.
+        // All forces balance; the corner has its own friction.
         let [load, contact, _] = soft.resultants();
         assert!(
             (0..2).all(|c| (load[c] + contact[c]).abs() < 1e-6 * 5e7),
@@ -423,7 +424,7 @@ fn the_same_on_a_gpu() {
     assert_eq!(found.solution.n_a(), expected.solution.n_a());
 }
 
-/// Matrices: rows that depend on each other are welcome where they give way, and share the force as their stiffnesses say.
+/// Matrices: compliant rows may depend on each other, and share the force by their stiffnesses.
 #[test]
 fn parallel_rows_share_their_force() {
     let solved = |compliance: &[f64]| {

@@ -1,4 +1,4 @@
-//! What may be in contact with what: supports that drive contact nodes, corners, lists of boundaries, distances.
+//! Valid pairs of contact: supports that drive contact nodes, corners, lists of boundaries, distances.
 
 use crate::common::{Solved, case, solve_case_twice};
 use signorini::output::NodeStatus;
@@ -63,7 +63,7 @@ fn a_support_cannot_drive_a_node_into_a_floor() {
             )
         };
         if held == "\"left\"" {
-            // As far as the floor it may go, and not a hundredth of the way further.
+            // It may go as far as the floor, and not a hundredth of the way further.
             run(&at(-0.005));
             let message = error(&at(-0.00505));
             assert!(message.contains("5.000e-5 into"), "{message}");
@@ -177,7 +177,7 @@ fn a_box_in_a_corner_rests_on_both_walls() {
         let kept: usize = solved.elastic().pairs.iter().map(|pair| pair.kept).sum();
         assert_eq!(kept, 2);
     }
-    // Between two bodies the corner keeps its friction: what it meets can move.
+    // Between two bodies the corner keeps its friction: the other side can move.
     let between = format!(
         "[[mesh.part]]\nname = \"box\"\nrectangle = {{ size = [1, 1], cells = [4, 4] }}\n\
          [[mesh.part]]\nname = \"wall\"\nrectangle = {{ size = [1, 1], cells = [3, 3] }}\nshift = [-1, 0]\n\
@@ -206,13 +206,19 @@ fn contacts_of_a_node_need_normals_that_differ() {
         )
     };
     let message = error(&twice(&on_floor("\"bottom\"", -0.1, "")));
-    assert!(message.contains("normals are not independent"), "{message}");
-    // A wedge is no trouble.
+    assert!(
+        message.contains("normals depend on each other"),
+        "{message}"
+    );
+    // A wedge is valid.
     let wedge = "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0.3, 1] } }\n";
     run(&twice(wedge));
     // Three directions in the plane are too many.
     let message = error(&twice(&(wedge.to_owned() + &wedge.replace("0.3", "0.6"))));
-    assert!(message.contains("normals are not independent"), "{message}");
+    assert!(
+        message.contains("normals depend on each other"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -351,7 +357,7 @@ fn tresca_rubs_only_within_the_search_distance() {
 }
 
 #[test]
-fn what_cannot_be_meant_says_so() {
+fn inconsistent_entries_are_reported() {
     let circle = "[[contact]]\nboundary = \"bottom\"\nobstacle = { circle = { center = [0.5, 0.2], radius = 3 } }\n";
     let message = error(&block(&support("\"top\"", Some(0.0), Some(0.0)), circle));
     assert!(message.contains("circle from outside"), "{message}");
@@ -422,7 +428,7 @@ fn slender_bodies_are_solved() {
         let bending = load * l.powi(4) / (8.0 * 2e11 * h.powi(3) / 12.0);
         let tip = -solved.displacement()[solved.node_at([l, 0.0])][1];
         assert!((tip / bending - 1.0).abs() < 0.08, "{tip} {bending}");
-        // A floor takes what it would do beyond it.
+        // A floor takes the force beyond it.
         let text = text.replace("[0, -10]", &format!("[0, {}]", -0.4 * bending));
         let solved = crate::common::solve_case(&text, 1e-6);
         let tip = -solved.displacement()[solved.node_at([l, 0.0])][1];

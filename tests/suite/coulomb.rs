@@ -1,20 +1,20 @@
 //! Coulomb friction on random problems: the monolithic Newton steps against rounds with frozen slip bounds.
 //!
-//! Every problem follows from its number alone: an elastic case as a user writes it (blocks on floors, between
-//! walls, in a V, on inclined planes, stacked bodies with meshes that do not match; clamped, held in part, or held
-//! by contact alone; one to four load steps with unloading and reversal), or matrices (networks of springs, AᵀA).
-//! Each is solved by both ways to make products with A, with `monolithic` on and off, and every step that says
-//! `converged` is checked by [`Oracle`] (`common/oracle.rs`), which shares no code with the check of the solver: it
-//! reads K, N, T, the load and the gap, and nothing else.
+//! Every problem follows from its number alone: an elastic case as a user writes it (blocks on floors, between walls, in a V, on
+//! inclined planes, stacked bodies with meshes that do not match; clamped, held in part, or held by contact alone; one to four load
+//! steps with unloading and reversal), or matrices (networks of springs, AᵀA). Each is solved by both ways to make products with A,
+//! with `monolithic` on and off, and every step with the status `converged` is checked by [`Oracle`] (`common/oracle.rs`), which
+//! shares no code with the check of the solver: it reads only K, N, T, the load and the gap.
 //!
-//! What has not converged is judged as well, where that can be done: of small problems all sets are tried
-//! ([`has_solution`]), so that `not_held` is wrong where there is a solution; and where no forces on Coulomb's cones
-//! balance the bodies ([`least_imbalance`](crate::common::oracle::balance::least_imbalance)) there is none.
+//! Steps that have not converged are judged as well, where possible: for small problems all sets are tried ([`has_solution`]), so
+//! that `not_held` is wrong where there is a solution; and where no forces on Coulomb's cones balance the bodies
+//! ([`least_imbalance`](crate::common::oracle::balance::least_imbalance)) there is none.
 //!
-//! Coulomb's law may have several solutions. Where both ways find one each, and both stand the check, that is
-//! counted and no failure.
+//! Coulomb's law may have several solutions. If both ways find different ones, and both pass the check, that is counted and is not
+//! a failure.
 //!
-//! `cargo test --release --test suite -- --ignored --nocapture coulomb::random_problems` tries 1000 problems on each path. Environment:
+//! `cargo test --release --test suite -- --ignored --nocapture coulomb::random_problems` tries 1000 problems on each path.
+//! Environment:
 //!
 //! - `COULOMB_PROBLEMS`: how many problems instead;
 //! - `COULOMB_SEED`: the number of the first one (1);
@@ -48,7 +48,7 @@ pub fn run(trial: &Trial, way: Way, monolithic: bool) -> Run {
     Run::new(trial, way, settings)
 }
 
-/// Tries this many problems on a path; what has failed.
+/// Tries this many problems on a path; returns the failures.
 fn campaign(way: Way, first: u64, problems: u64) -> Vec<String> {
     let mut tally = Tally::default();
     for seed in first..first + problems {
@@ -58,7 +58,7 @@ fn campaign(way: Way, first: u64, problems: u64) -> Vec<String> {
     tally.failures(way)
 }
 
-/// Prints a problem, and how each solve of it goes.
+/// Prints a problem, and the course of each solve.
 fn tell(seed: u64, ways: &[Way]) {
     let trial = trial(seed).or_panic();
     let problem = &trial.problem;
@@ -116,7 +116,7 @@ fn a_few_random_problems() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Trying all sets finds what the solver has found.
+/// Trying all sets finds the solver's solution.
 #[test]
 fn all_sets_hold_the_solution() {
     let (mut tried, mut lost) = (0, Vec::new());
@@ -143,10 +143,10 @@ fn all_sets_hold_the_solution() {
     assert!(tried > 50, "{tried}");
 }
 
-/// The check is worth something: the answers to a neighbouring problem (friction higher or lower by a tenth, a gap
-/// wider, a step that starts elsewhere) do not pass wherever they differ by a hundredth of the deformation.
+/// The check detects errors: the answers to a neighbouring problem (friction higher or lower by a tenth, a gap wider, a
+/// step that starts elsewhere) do not pass wherever they differ by a hundredth of the deformation.
 #[test]
-fn the_check_tells_a_neighbouring_problem() {
+fn the_check_detects_a_neighbouring_problem() {
     let (mut told, mut missed) = (BTreeMap::<&str, usize>::new(), Vec::new());
     for seed in 1..=150 {
         let Ok(trial) = trial(seed) else { continue };

@@ -1,8 +1,8 @@
-//! Coulomb friction in space: what it costs beside the Tresca problem with the slip bounds that it ends with, and whether
-//! what says `converged` meets the law, which is checked here by code that knows nothing of the solver's.
+//! Coulomb friction in space: its cost compared with the Tresca problem with its final slip bounds, and whether `converged`
+//! solutions obey the law, which code independent of the solver checks here.
 //!
-//! `cargo test --release --test suite -- --nocapture coulomb_space::` prints what each problem takes; with `--ignored` it tries finer
-//! meshes, longer beams and more random problems.
+//! `cargo test --release --test suite -- --nocapture coulomb_space::` prints the cost of each problem; with `--ignored` it tries
+//! finer meshes, longer beams and more random problems.
 
 mod problems;
 mod runs;
@@ -22,13 +22,13 @@ use signorini::reference::MATERIAL;
 use signorini::ssnm::Status;
 
 #[test]
-fn case_c_costs_what_tresca_costs() {
+fn case_c_costs_as_much_as_tresca() {
     few_products(cases_c(&[4, 8, 12]), [60, 80], 1.3);
 }
 
 #[test]
 #[ignore = "a minute"]
-fn case_c_costs_what_tresca_costs_on_fine_meshes() {
+fn case_c_costs_as_much_as_tresca_on_fine_meshes() {
     few_products(cases_c(&[16, 24]), [100, 130], 1.3);
 }
 
@@ -98,7 +98,7 @@ fn free_cubes_are_held_by_friction() {
     few_products(all, [40, 55], 1.4);
 }
 
-/// A ball touches in a few nodes; what separates bears no friction, and must not hinder it.
+/// A ball touches in a few nodes; separated nodes bear no friction, and must not hinder convergence.
 #[test]
 fn balls_on_the_floor() {
     for n in [4, 8, 12] {
@@ -148,7 +148,7 @@ fn two_bodies_rub_on_each_other() {
     assert!(distance(&by_factor.last().u, &by_pcg.last().u) < 1e-4);
 }
 
-/// Rounds of problems with given bounds, which share no step with the monolithic ones, come to the same.
+/// Rounds of problems with given bounds, which share no step with the monolithic ones, give the same result.
 #[test]
 fn rounds_come_to_the_same() {
     let rounds = StepSettings {
@@ -176,9 +176,9 @@ fn rounds_come_to_the_same() {
     }
 }
 
-/// What friction cannot hold is said at once, and which way it goes.
+/// A load that friction cannot hold is reported at once, with the direction of the motion.
 #[test]
-fn what_slides_is_not_held() {
+fn sliding_bodies_are_not_held() {
     let not_held = |model: Model<3>| {
         let run = Run::new(model, Stiffness::Cholesky, &StepSettings::default());
         let step = run.last();
@@ -199,10 +199,10 @@ fn what_slides_is_not_held() {
     assert!(turns.contains("along (0.000, 0.000, 1.000)"), "{turns}");
 }
 
-/// A cube turned about the vertical: forces on its corners alone would hold a twist of 4.24 μ, the pressures that there are
-/// hold 2.3 μ or so (a uniform one 2.296). Between the two there is no proof, but an answer.
+/// A cube turned about the vertical: forces on its corners alone would hold a twist of 4.24 μ, the actual pressures hold
+/// about 2.3 μ (a uniform one 2.296). Between the two there is no proof, but an answer.
 #[test]
-fn what_turns_beyond_its_friction_is_not_held() {
+fn bodies_turned_beyond_friction_are_not_held() {
     for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
         let turned = |twist: f64| {
             let run = Run::new(

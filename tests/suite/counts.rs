@@ -51,7 +51,7 @@ fn table1_converges_below_the_paper() {
                 assert!(cell.kkt.max() <= 10.0 * table1::TOLERANCE, "{what}");
                 let (_, n_a) = cell.paper.expect("all sizes and β of the paper");
                 match (method, geometry) {
-                    // Found: 9 or 10, with the final check, of which the paper knows nothing.
+                    // Found: 9 or 10, including the final check, which the paper does not have.
                     (Method::Multisecant, _) => assert!(cell.n_a_checked <= 12, "{what}"),
                     (_, Geometry::OneBody) => {
                         assert!(cell.n_a <= n_a && cell.iter <= 12, "{what}");
@@ -130,7 +130,7 @@ fn exact_and_inexact_agree_on_case_b() {
     assert!(b.info.n_a > a.info.n_a);
 }
 
-/// The case that makes the method without its safeguard cycle, and every β that it must stand.
+/// The case in which the method without its safeguard cycles, and every β that it must handle.
 #[test]
 fn every_beta_converges() {
     let cycling = Loads {
@@ -303,7 +303,7 @@ fn a_warm_start_from_the_solution_is_done_at_once() {
 
 /// A product with A through the trailing block is B K⁻¹ Bᵀ, whatever the shape of B.
 #[test]
-fn the_dual_operator_is_what_it_says() {
+fn the_dual_operator_satisfies_its_definition() {
     use signorini::control::{Accuracy, Stop};
     use signorini::dual::DualOperator;
     let mut random = Random(3);

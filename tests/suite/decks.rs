@@ -1,5 +1,5 @@
-//! Whole decks: against closed forms, against the case files that they become, and what is refused. An ignored test compares
-//! with CalculiX itself.
+//! Whole decks: against closed forms, against the case files that they become, and refusals. An ignored test compares with
+//! CalculiX itself.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::case::{Case, CaseProblem};
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-/// What comes of a text; other files may lie beside it.
+/// The result of a text; other files may be beside it.
 fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, String> {
     let place = tempfile::tempdir().or_panic();
     for (name, text) in beside.iter().chain(&[("deck.inp", text)]) {
@@ -28,7 +28,7 @@ fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, S
     read.map_err(shown)
 }
 
-/// The case file that says the same.
+/// The equivalent case file.
 fn written(deck: &Deck) -> String {
     let case = Case::of_deck(deck.clone(), &[]).or_panic();
     case.text().to_owned()
@@ -165,13 +165,13 @@ fn prescribed_displacements_follow_the_steps() {
     let later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nNright,1\n*END STEP\n";
     let error = read(&strip(later), &[], &[]).expect_err("a support that comes");
     assert!(
-        error.contains("a support cannot come or go between steps"),
+        error.contains("supports cannot be added or removed between steps"),
         "{error}"
     );
 }
 
-/// Supports that a step clears and states again are those of before; of others the line is told that changes them, and no
-/// `--ignore` that would leave none.
+/// Supports that a step clears and states again are those of before; for others the line that changes them is reported,
+/// without an `--ignore` that would leave none.
 #[test]
 fn supports_may_be_stated_again() {
     let step = |held: &str, force: f64| {
@@ -190,7 +190,7 @@ fn supports_may_be_stated_again() {
     let changed = text(&[step("Nleft,1\n1,2\n", 5.0), step("Nleft,1\n", 5.0)]);
     let error = read(&changed, &[], &[]).expect_err("one support has gone");
     assert!(
-        error.contains("line 48: *BOUNDARY: a support cannot come or go"),
+        error.contains("line 48: *BOUNDARY: supports cannot be added or removed"),
         "{error}"
     );
     assert!(error.contains("--ignore 'BOUNDARY'"), "{error}");
@@ -202,7 +202,7 @@ fn supports_may_be_stated_again() {
     );
 }
 
-/// Elements with incompatible modes are what they are; those of a section that has others, too, apart.
+/// Elements with incompatible modes are kept; in a section with other elements, separately.
 #[test]
 fn incompatible_modes_are_those_of_the_elements() {
     let bent = format!("{STATIC}*CLOAD\n5,1,-2.\n15,1,2.\n*END STEP\n");
@@ -229,7 +229,7 @@ fn incompatible_modes_are_those_of_the_elements() {
     );
 }
 
-/// What `--set` says of the mesh of a deck: its order and its size, and nothing else.
+/// `--set` changes the order and the size of the mesh of a deck, and nothing else.
 #[test]
 fn the_mesh_of_a_deck_has_an_order_and_a_size() {
     let pulled = read(
@@ -261,7 +261,7 @@ fn the_mesh_of_a_deck_has_an_order_and_a_size() {
     let case = Case::of_deck(forces, &["mesh.order=2".to_owned()]).or_panic();
     let error = case.build().expect_err("a force on each node");
     assert!(
-        error.to_string().contains("3 nodes in place of 2"),
+        error.to_string().contains("3 nodes instead of 2"),
         "{error}"
     );
 }
@@ -312,7 +312,7 @@ fn transforms_turn_supports() {
          *BOUNDARY\n{held}*MATERIAL,NAME=el\n*ELASTIC\n1000.,0.3\n*SOLID SECTION,ELSET=Eall,MATERIAL=el\n\
          {STATIC}*DLOAD\n{pressed}*END STEP\n"
     );
-    // Only nodes with elements stay: those in the middle of none go.
+    // Only nodes of elements stay: midside nodes of no element are dropped.
     let deck = read(&text, &[], &[]).or_panic();
     let u = displacements(&built(&deck)).remove(0);
     let at = |number: u64| {
@@ -332,7 +332,8 @@ fn transforms_turn_supports() {
     }
 }
 
-/// Equations that make displacements equal: of nodes, sets and chains, and by a node that no element has, which is pulled or driven.
+/// Equations that make displacements equal: of nodes, sets and chains, and through a node without elements, which is pulled or
+/// driven.
 #[test]
 fn equations_make_displacements_equal() {
     let load = format!("{STATIC}*CLOAD\n5,1,10.\n*END STEP\n");
@@ -395,13 +396,13 @@ fn equations_make_displacements_equal() {
         "{error}"
     );
     for (equation, what) in [
-        ("2\n15,1,1.\n", "fewer terms than it says"),
+        ("2\n15,1,1.\n", "fewer terms than it announces"),
         ("two\n15,1,1.\n", "\"two\" is not a number of terms"),
         (
             "2\n15,1\n5,1,-1.\n",
             "a node or set, a direction and a factor",
         ),
-        ("2\nNall,1,1.,Nright,1,-1.\n", "as many nodes as each other"),
+        ("2\nNall,1,1.,Nright,1,-1.\n", "the same number of nodes"),
     ] {
         let error = read(
             &strip(&format!("*EQUATION\n{equation}{STATIC}*END STEP\n")),
@@ -426,10 +427,10 @@ fn squares(low: [f64; 2], pair: &str) -> String {
     )
 }
 
-/// ADJUST= moves nodes of the slave surface onto the master surface: those within a distance, those of a set; what overlaps without it is
-/// pressed apart, as a press fit is: p = E δ / (the height of both).
+/// ADJUST= moves nodes of the slave surface onto the master surface: those within a distance, those of a set; an overlap without it
+/// is pressed apart, as in a press fit: p = E δ / (the height of both).
 #[test]
-fn nodes_are_adjusted_as_the_deck_says() {
+fn nodes_are_adjusted_as_in_the_deck() {
     for (low, pair, expected) in [
         ([1.01, 1.03], ", ADJUST=0.02", [1.0, 1.03]),
         ([1.01, 1.03], ", ADJUST=0.05", [1.0, 1.0]),
@@ -527,10 +528,16 @@ fn tables_of_pressures_are_sums_of_linear_laws() {
         );
     }
     for (points, what) in [
-        ("0,0\n10,0.001\n15,0.002\n", "must not grow softer"),
-        ("1,0\n10,0.001\n", "grow with the overclosure, from 0 on"),
-        ("0,0\n", "grow with the overclosure, from 0 on"),
-        ("0,0\n10\n", "a pressure and an overclosure in a line"),
+        ("0,0\n10,0.001\n15,0.002\n", "must not become softer"),
+        (
+            "1,0\n10,0.001\n",
+            "increase with the overclosure, from 0 on",
+        ),
+        ("0,0\n", "increase with the overclosure, from 0 on"),
+        (
+            "0,0\n10\n",
+            "each line of a table needs a pressure and an overclosure",
+        ),
     ] {
         let error = read(&table(0.99, points, ""), &[], &[]).expect_err(points);
         assert!(error.contains(what), "{error}");
@@ -577,7 +584,7 @@ fn temperatures_may_differ_from_node_to_node() {
     type Expected = fn([f64; 2]) -> [f64; 2];
     let grown: Expected = |[x, y]| [5e-3 * (x * x - y * y), 1e-2 * x * y];
     let halved: Expected = |[x, y]| [2.5e-3 * (x * x - y * y), 5e-3 * x * y];
-    // Of −10 y: u = 5 α (−2 x y, x² − y²), and no turn where the left side stays upright.
+    // Of −10 y: u = 5 α (−2 x y, x² − y²), and no rotation if the left side stays upright.
     let across: Expected = |[x, y]| [-1e-2 * x * y, 5e-3 * (x * x - y * y)];
     for (second, expected, tables) in [(&half, halved, 1), (&other, across, 2)] {
         let deck = read(&text(second), &[], &[]).or_panic();
@@ -609,7 +616,7 @@ fn transforms_turn_forces() {
             "*TRANSFORM, NSET=Nright, TYPE=R\n3,4,0,-1,1,0\n",
             "Nright,1,3.\nNright,2,-4.\n",
         ),
-        // From the axis at (4, 2) both nodes lie below, and around it is along x there.
+        // From the axis at (4, 2) both nodes are below, and the hoop direction is along x there.
         (
             "*TRANSFORM, NSET=Nright, TYPE=C\n4,2,0,4,2,1\n",
             "Nright,2,5.\n",
@@ -680,12 +687,9 @@ fn decks_of_revolution() {
     for (load, what) in [
         (
             "*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n",
-            "rotates about its axis, which is y",
+            "rotates about its axis, y",
         ),
-        (
-            "*DLOAD\nEall,GRAV,10.,1.,0.,0.\n",
-            "acts along its axis, which is y",
-        ),
+        ("*DLOAD\nEall,GRAV,10.,1.,0.,0.\n", "acts along its axis, y"),
     ] {
         let error = read(&text(load), &[], &[]).expect_err(load);
         assert!(error.contains(what), "{error}");
@@ -716,12 +720,12 @@ fn files_that_a_deck_names_are_read() {
     let outside = text.replace("loads.txt", "../loads.txt");
     let error = read(&outside, &beside, &[]).expect_err("a file from outside");
     assert!(
-        error.contains("deck.inp, line 15: *CLOAD: ../loads.txt has to lie in the folder"),
+        error.contains("deck.inp, line 15: *CLOAD: ../loads.txt must be in the folder"),
         "{error}"
     );
     let circle = text.replace("loads.txt", "deck.inp");
     let error = read(&circle, &beside, &[]).expect_err("a file that names itself");
-    assert!(error.contains("does one name itself?"), "{error}");
+    assert!(error.contains("does one include itself?"), "{error}");
 }
 
 /// A bar with springs at its end, to the ground or to its other end: u = F/(E A/L + 2k).
@@ -835,9 +839,10 @@ fn contacts_and_friction_change_with_the_steps() {
     );
 }
 
-/// All that changes the result is refused in one message, by line and by what `--ignore` takes; the rest is passed over.
+/// All entries that change the result are refused in one message, by line and by their names for `--ignore`; the others
+/// are skipped.
 #[test]
-fn what_is_not_understood_is_told_at_once() {
+fn unsupported_entries_are_reported_at_once() {
     let text = strip(
         "*MATERIAL, NAME=other\n*PLASTIC\n1.,0.\n*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n20,1,2\n*SPRING,ELSET=Espring,NONLINEAR\n\n3.\n\
          *STEP, NLGEOM\n*STATIC\n*NODE PRINT,NSET=Nall\nU\n*CLOAD\n99,1,5.\n*END STEP\n*STEP, NLGEOM\n*STATIC\n*END STEP\n",
@@ -846,25 +851,22 @@ fn what_is_not_understood_is_told_at_once() {
     let keys = "--ignore 'CLOAD,NLGEOM,PLASTIC,SPRING'";
     assert!(error.contains(keys), "{error}");
     for line in [
-        "\n  line 39: *PLASTIC: materials are linear-elastic",
+        "\n  line 39: *PLASTIC: only linear-elastic materials are supported",
         "\n  line 43: *SPRING, NONLINEAR: springs are linear",
-        "\n  line 46, line 53: *STEP, NLGEOM: displacements and rotations are taken to be small",
-        "\n  line 51: *CLOAD: a node that no element of a body has",
+        "\n  line 46, line 53: *STEP, NLGEOM: displacements and rotations are assumed small",
+        "\n  line 51: *CLOAD: this node belongs to no element of a body",
     ] {
         assert!(error.contains(line), "{line} is not in {error}");
     }
     let ignored = ["nlgeom", "*Plastic", "SPRING", "CLOAD"];
     let deck = read(&text, &[], &ignored).or_panic();
     let notes = deck.notes.join("\n");
+    assert!(notes.contains("line 48: *NODE PRINT is skipped"), "{notes}");
     assert!(
-        notes.contains("line 48: *NODE PRINT is passed over"),
+        notes.contains("line 46: *NLGEOM (ignored) is skipped"),
         "{notes}"
     );
-    assert!(
-        notes.contains("line 46: *NLGEOM (ignored) is passed over"),
-        "{notes}"
-    );
-    // What makes no sense is no matter of understanding.
+    // Invalid entries cannot be ignored.
     for (rest, expected) in [
         (
             "*STEP\n*STATIC\n*CLOAD\nNowhere,1,5.\n*END STEP\n",
@@ -876,11 +878,11 @@ fn what_is_not_understood_is_told_at_once() {
         ),
         (
             "*STEP\n*STATIC\n*CLOAD\nNright,1\n*END STEP\n",
-            "line 41: *CLOAD has a node or set",
+            "line 41: *CLOAD needs a node or set",
         ),
         (
             "*STEP\n*STATIC\n*DLOAD\nEall,P7,1.\n*END STEP\n",
-            "line 41: P7 is no face of such an element",
+            "line 41: P7 is not a face of this element",
         ),
         ("", "there is no *STEP: this is a mesh"),
     ] {
@@ -889,7 +891,7 @@ fn what_is_not_understood_is_told_at_once() {
     }
 }
 
-/// An error about what a deck says names its line, as if the case had been written by hand.
+/// An error about an entry of a deck names its line, as if the case had been written by hand.
 #[test]
 fn errors_of_the_case_name_lines_of_the_deck() {
     let text = strip("*STEP\n*STATIC\n*CLOAD\nNright,1,1e80\n*END STEP\n");
@@ -898,7 +900,7 @@ fn errors_of_the_case_name_lines_of_the_deck() {
     assert!(error.contains("deck.inp, line 41: "), "{error}");
 }
 
-/// The case file that a deck becomes, with its mesh beside it, is the same problem.
+/// The case file made from a deck, with its mesh beside it, is the same problem.
 #[test]
 fn a_converted_deck_is_the_same_problem() {
     let text = strip(&format!(
@@ -1003,8 +1005,8 @@ const DECKS: &[&str] = &[
     "hueeber4",
 ];
 
-/// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and no border of it within a facet, where CalculiX
-/// shows nodes what it extrapolates from points.
+/// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and without a border of it within a
+/// facet, where CalculiX extrapolates to nodes from points.
 const PRESSED: &[&str] = &["contactenergy", "cubespring", "hueeber3"];
 
 /// The values of a field of the last step in an .frd file, by the numbers of nodes.
@@ -1031,7 +1033,7 @@ fn last<const N: usize>(frd: &str, field: &str) -> HashMap<u64, [f64; N]> {
     all
 }
 
-/// A deck that writes displacements alone, with elements of second order that are fully integrated, as those here are.
+/// A deck that writes only displacements, with fully integrated elements of second order, as here.
 fn for_ccx(text: &str) -> String {
     let pair = text.to_uppercase().contains("*CONTACT PAIR");
     let mut kept = String::new();

@@ -23,7 +23,7 @@ fn patch_test_against_an_obstacle() {
             "[[material]]\nregion = \"steel\"\nyoung = 3000\npoisson = 0.4\n\
              [[material]]\nregion = \"soft rubber\"\nyoung = 3000\npoisson = 0.4"
         };
-        // The corner that holds the height lies on the plane already; it sees its share of the load.
+        // The corner that holds the height is on the plane already; it bears its share of the load.
         let text = format!(
             "[mesh]\n{mesh}\n{material}\n[[support]]\nboundary = \"left\"\nx = 0\n\
              [[support]]\npoint = [0, 0]\ny = 0\n[[traction]]\nboundary = \"top\"\npressure = 10\n\
@@ -51,7 +51,7 @@ fn patch_test_against_an_obstacle() {
     }
 }
 
-/// The same in a turned frame and against discs of huge radius: the direction of the plane is no special case.
+/// The same in a rotated frame and against discs of huge radius: the direction of the plane is not a special case.
 #[test]
 fn patch_test_on_the_left_side() {
     for obstacle in [
@@ -88,7 +88,7 @@ fn stick_and_slip_of_a_block() {
     let sizes = stick.sizes();
     assert_eq!(sizes.slip.total(), 0);
     let slip = run(&text("{ tresca = 0.01 }"), 1e-9);
-    // But for the corner, which the support keeps from sliding.
+    // Except for the corner, which the support keeps from sliding.
     assert_eq!((slip.sizes().stick, slip.sizes().frictionless), (0, 1));
     let zero = run(&text("{ tresca = 0 }"), 1e-9);
     let none = run(&text("\"none\""), 1e-9);
@@ -143,7 +143,7 @@ fn gravity_and_body_forces_balance() {
     // ρ g V = 1000 · 9.81 · 3 and ∫ 1000 y = 1000 · 0.5 · 2 · 4.5.
     let weight = 29430.0 + 4500.0;
     assert!((solved.data.total_load[1] + weight).abs() < 1e-8 * weight);
-    // The held corner bears what the contact nodes do not.
+    // The held corner bears the part that the contact nodes do not.
     let reaction: f64 = solved.solution().lambda[..solved.build.problem.m()]
         .iter()
         .sum();
@@ -241,14 +241,14 @@ fn broken_gmsh_files_say_where() {
     };
     for name in ["b22a", "b22b", "b41a", "b41b"] {
         let whole = std::fs::read(format!("tests/meshes/{name}.msh")).or_panic();
-        // Cut anywhere, it must be an error or, behind the last element, a mesh: never a panic.
+        // Cut anywhere, the file must give an error or, after the last element, a mesh: never a panic.
         for end in (0..whole.len()).step_by(37) {
             std::fs::write(&path, &whole[..end]).or_panic();
             if let Err(error) = signorini::mesh::gmsh::read(&path, 1.0) {
                 assert!(error.to_string().contains("broken.msh"));
             }
         }
-        // Likewise with bytes changed.
+        // The same with bytes changed.
         let mut random = crate::common::Random(11);
         for _ in 0..300 {
             let mut bytes = whole.clone();

@@ -13,7 +13,7 @@ use signorini::model::{AnyBuilt, Equal, Force, Model, Pair, Support, Traction};
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e11;
 
-/// Makes a set of the nodes of a mesh that lie somewhere.
+/// Makes a set of the nodes of a mesh at some positions.
 fn set<const D: usize>(mesh: &mut Mesh<D>, name: &str, is_in: impl Fn([f64; D]) -> bool)
 where
     ElementKind: Topology<D>,
@@ -46,7 +46,8 @@ fn a_level_top_spreads_a_force() {
                         assert!((u[c] - expected[c]).abs() < 1e-9 * strain, "{x:?} {u:?}");
                     }
                 }
-                // What moves the nodes alike pulls none of them along other axes, and adds up to nothing with the first of them.
+                // The forces that move the nodes alike pull none of them along other axes, and add up to zero with the first
+                // node.
                 let forces = (0..found.m()).map(|i| found.contact_force(i));
                 assert!({ forces }.all(|f| f[0] == 0.0 && f[1] == 0.0));
             }
@@ -54,7 +55,7 @@ fn a_level_top_spreads_a_force() {
     }
 }
 
-/// An end that moves as a whole does so as a support would move it: under a skew force, with as much of a reaction.
+/// An end that moves as a whole moves as under a support: under a skew force, with the same reaction.
 #[test]
 fn an_end_that_moves_as_one() {
     let mut mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
@@ -78,7 +79,7 @@ fn an_end_that_moves_as_one() {
         for (a, b) in u.iter().zip(driven.displacement()) {
             assert!(apart(*a, b) < 1e-9 * x.hypot(y), "{a:?} {b:?}");
         }
-        // The forces inside of the driven body hold what the free one was pulled by.
+        // The forces inside the driven body equal the pull on the free one.
         let internal = internal(&driven);
         let held = mesh.node_sets["end"].iter();
         let sum = held.fold([0.0; 2], |sum, &node| {
@@ -154,7 +155,7 @@ fn pairs_of_nodes_join_two_bodies() {
     }
 }
 
-/// A case file says it as well; what cannot be meant is told with its line.
+/// A case file can state it as well; inconsistencies are reported with their line.
 #[test]
 fn case_files_say_it() {
     let deck = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=CPS4,ELSET=all\n1,1,2,3,4\n*NSET,NSET=top\n3,4\n*NSET,NSET=one\n3\n";
@@ -188,7 +189,7 @@ fn case_files_say_it() {
     for (equal, expected) in [
         (
             "sets = \"top\"\ndirections = \"z\"",
-            "case.toml, line 20: \"z\" is none of the directions \"x\", \"y\"",
+            "case.toml, line 20: \"z\" is not one of the directions \"x\", \"y\"",
         ),
         ("sets = \"one\"", "the set of nodes \"one\" has one node"),
         ("sets = \"tip\"", "there is no set of nodes \"tip\""),

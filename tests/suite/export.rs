@@ -68,7 +68,7 @@ where
             let off: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
             norm_max(&off)
         };
-        // Where everything sticks, slip is rounding of displacements.
+        // If everything sticks, slip is rounding of displacements.
         for (what, off, size) in [
             ("u", apart(solution.u(), u), moved),
             ("λ", apart(solution.lambda(), lambda), norm_max(lambda)),
@@ -86,7 +86,7 @@ where
 
 const TIGHT: &str = "[solver]\ntolerance = 1e-10\n";
 
-/// Stick and slip turn round with the push: where slip is counted from matters in each step.
+/// Stick and slip reverse with the push: the origin of slip matters in each step.
 #[test]
 fn load_steps_with_friction_in_the_plane() {
     let text = format!(
@@ -135,7 +135,7 @@ fn an_algebraic_case_is_written_as_it_is() {
     }
 }
 
-/// What contact gives way by and what is tied are part of the matrices; and the keys of case files mean what they say.
+/// Compliance of contact and ties are part of the matrices; and the keys of case files have their documented meaning.
 #[test]
 fn compliant_contact_and_ties() {
     let text = format!(

@@ -1,6 +1,6 @@
-//! The kernels against the CPU backend, whole solves on every path, and what happens when a GPU fails.
+//! The kernels against the CPU backend, whole solves on every path, and failures of a GPU.
 //!
-//! Every test here needs an adapter; a software one will do (`sh tests/run.sh` installs it).
+//! Every test here needs an adapter; a software one suffices (`sh tests/run.sh` installs it).
 
 mod kernels;
 mod levels;

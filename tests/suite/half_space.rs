@@ -1,10 +1,10 @@
-//! Rigid bodies on an elastic half-space, for which there are closed forms: Hertz's sphere, the flat punch, and a disc
-//! that is twisted and slips from its edge inwards.
+//! Rigid bodies on an elastic half-space, with closed forms: Hertz's sphere, the flat punch, and a disc that is twisted
+//! and slips from its edge inwards.
 //!
-//! A quarter of the half-space z < 0 is meshed up to two to four radii of the contact. On the faces beyond, the
-//! displacement is prescribed that the pressure of the closed form makes there (by Boussinesq's forces on circles), or
-//! what a point torque makes, which is off by some 10⁻³ of the rotation. So neither the size of the block nor the
-//! contact's own pressure enters; the error is that of the elements.
+//! A quarter of the half-space z < 0 is meshed up to two to four radii of the contact. On the outer faces, the
+//! displacement under the pressure of the closed form is prescribed (by Boussinesq's forces on circles), or that under
+//! a point torque, which is off by some 10⁻³ of the rotation. So neither the size of the block nor the contact's own
+//! pressure enters; the error is that of the elements.
 
 use crate::common::half_space::{
     STEEL, balanced, compare, growing, hertz_fit, hertz_share, modulus, on_rings, rings,
@@ -21,8 +21,8 @@ use signorini::mesh::{Mesh, facet_nodes};
 use signorini::model::{Model, Pair, Support, Traction};
 use std::f64::consts::PI;
 
-/// A block of the quarter x, y > 0 of z < 0 with its nodes where `place` says for their numbers along the axes, the
-/// third from the surface down; the faces of its top with all corners within `reach` of the z axis are "contact".
+/// A block of the quarter x, y > 0 of z < 0, with `place` giving its nodes from their numbers along the axes, the third
+/// from the surface down; the faces of its top with all corners within `reach` of the z axis are "contact".
 fn quarter(
     cells: [usize; 3],
     shape: SolidShape,
@@ -45,7 +45,7 @@ fn quarter(
     mesh
 }
 
-/// The quarter of the half-space with what is prescribed far away.
+/// The quarter of the half-space with prescribed displacements far away.
 fn half_space(
     mesh: Mesh<3>,
     material: Material,
@@ -221,10 +221,11 @@ fn flat_punch() {
     }
 }
 
-/// A disc that turns on the half-space and slips outside of the radius c under Tresca's bound g. By superposition of
-/// the rigid discs of Reissner and Sagoci (1944) of all radii from c to 1, whose tractions have to add up to g there
-/// (Abel's equation): θ = g/(2G) arcosh(1/c), M = 4g/3 (arccos c + c √(1 − c²)), which is 16Gθ/3 without slip and
-/// 2πg/3 where all slips; inside of c the traction is 2g/π arctan(r √((1 − c²)/(c² − r²))). Nothing moves along z but under a uniform pressure, which keeps the disc in contact.
+/// A disc that turns on the half-space and slips outside of the radius c under Tresca's bound g. By superposition of the rigid
+/// discs of Reissner and Sagoci (1944) of all radii from c to 1, whose tractions must add up to g there (Abel's equation): θ =
+/// g/(2G) arcosh(1/c), M = 4g/3 (arccos c + c √(1 − c²)), which is 16Gθ/3 without slip and 2πg/3 if everything slips; inside of c
+/// the traction is 2g/π arctan(r √((1 − c²)/(c² − r²))). Only a uniform pressure, which keeps the disc in contact, causes motion
+/// along z.
 #[test]
 fn twisted_disc() {
     let (g, p, shear) = (1e6, 2e6, shear_modulus(STEEL));
@@ -234,7 +235,7 @@ fn twisted_disc() {
     for c in [0.25, 0.5, 0.75] {
         let angle = 0.5 * g / shear * f64::acosh(1.0 / c);
         let torque = 4.0 / 3.0 * g * (f64::acos(c) + c * (1.0 - c * c).sqrt());
-        // The disc is at rest and all else turns back.
+        // The disc is at rest and everything else rotates back.
         let far = move |x: Vector| {
             let u = under_a_torque(STEEL, torque, x);
             [u[0] + angle * x[1], u[1] - angle * x[0], -strain * x[2]]
@@ -250,7 +251,7 @@ fn twisted_disc() {
             let mut faces = mesh.boundaries[whole].clone();
             match name {
                 "around" => faces.retain(|face| !disc.contains(face)),
-                // The disc alone says what becomes of its normal displacement.
+                // Only the disc determines its normal displacement.
                 _ => faces.retain(|face| !facet_nodes(face).iter().any(touches)),
             }
             mesh.boundaries.insert(name.to_owned(), faces);

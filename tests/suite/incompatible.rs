@@ -1,5 +1,5 @@
-//! Quadrilaterals and hexahedra of first order with incompatible modes: what they have to be exact for, and beams and shells of one
-//! element through the thickness.
+//! Quadrilaterals and hexahedra of first order with incompatible modes: the fields that they reproduce exactly, and beams and
+//! shells of one element through the thickness.
 //!
 //! `cargo test --release --test suite -- --nocapture incompatible::` shows the figures.
 
@@ -57,7 +57,7 @@ fn solved(text: &str, path: Stiffness) -> Found {
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 
-/// Elements of any form keep a uniform strain, with the stress of it, whose border is moved so.
+/// Elements of any shape reproduce a uniform strain that is prescribed at their border, with its stress.
 #[test]
 fn patches_are_strained_uniformly() {
     let bump = "x*(2 - x)*y*(1 - y)";
@@ -80,7 +80,7 @@ fn patches_are_strained_uniformly() {
                     "\"left\", \"right\", \"bottom\", \"top\"",
                 ),
             };
-            // A shear besides, which a ring cannot have.
+            // In addition a shear, which a ring cannot have.
             let shear = if kind == "axisymmetric" { 0.0 } else { 3e-3 };
             let third = if kind == "space" {
                 "z = \"5e-4*z\"\n"
@@ -125,7 +125,7 @@ fn patches_are_strained_uniformly() {
     }
 }
 
-/// A beam of 10 × 1 (× 1) with so many elements along it and one through its thickness, and what is said of it more.
+/// A beam of 10 × 1 (× 1) with so many elements along it and one through its thickness, with further entries.
 fn beam(kind: &str, cells: usize, material: &str, load: &str) -> String {
     let (head, up) = match kind {
         "space" => (

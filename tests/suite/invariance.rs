@@ -1,4 +1,4 @@
-//! Solids whose answers are known from other problems: the plane's, extruded; the same body turned; other units; and
+//! Solids whose answers are known from other problems: plane ones, extruded; the same body rotated; other units; and
 //! states of constant stress.
 
 use crate::common::models::{Answer, answer};
@@ -12,8 +12,8 @@ use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::reference::{CASE_C, MATERIAL};
 
-/// The strip of the plane that the solids below extrude: crooked, clamped on the left, pressed down but for its end,
-/// which is pulled and lifted, with Tresca friction on what it stands on.
+/// The strip of the plane that the solids below extrude: crooked, clamped on the left, pressed down except at its end,
+/// which is pulled and lifted, with Tresca friction on its floor.
 fn strip<const D: usize>(
     mut mesh: Mesh<D>,
     [bottom, top]: [&str; 2],
@@ -270,7 +270,7 @@ fn distorted(shape: SolidShape) -> Mesh<3> {
 
 const RUBBER: Material = Material::new(3000.0, 0.4);
 
-/// Constant strain: u = (s + γx z, γy z, −ε z), and its stress on a floor that the block stands upright on.
+/// Constant strain: u = (s + γx z, γy z, −ε z), and its stress on a floor that the block is upright on.
 struct Patch {
     shear: [f64; 2],
     slide: [f64; 2],
@@ -300,8 +300,8 @@ impl Patch {
         ]
     }
 
-    /// Compares an answer on a turned floor with it: displacement, stress, and the tractions of the contact nodes that
-    /// `whole` says to have no support.
+    /// Compares an answer on a rotated floor with it: displacement, stress, and the tractions of the contact nodes
+    /// without a support, given by `whole`.
     fn compare(&self, answer: &Answer<3>, turn: &[Vector; 3], whole: impl Fn(Vector) -> bool) {
         let back = |x: Vector| turn.map(|column| dot(column, x));
         let nodes = &answer.built.elastic.mesh.nodes;
@@ -321,7 +321,7 @@ impl Patch {
             if whole(back(answer.place(i))) {
                 compared += 1;
                 let traction = answer.contact_force(i).map(|f| f / answer.area(i));
-                // What the floor puts on the outward normal −z.
+                // The traction of the floor on the outward normal −z.
                 close(back(traction), columns[2].map(|s| -s), 1e-9);
                 close([answer.pressure(i)], [-columns[2][2]], 1e-9);
             }
@@ -330,8 +330,8 @@ impl Patch {
     }
 }
 
-/// Pressed and sheared by tractions all around and held by nothing but contact and friction below its bound, on floors
-/// of any direction: all is constant, to rounding.
+/// Pressed and sheared by tractions all around and held only by contact and friction below its bound, on floors of any
+/// direction: everything is constant, to rounding.
 #[test]
 fn patch_test_with_friction_that_sticks() {
     let patch = Patch {

@@ -1,4 +1,4 @@
-//! All tests that need the library alone, as one program: what is generic in the dimension is compiled once for all of
+//! All tests that need only the library, as one program: code generic in the dimension is compiled once for all of
 //! them.
 //!
 //! `cargo test --release --test suite -- coulomb` runs the tests of a room.

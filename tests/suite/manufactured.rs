@@ -1,5 +1,5 @@
 //! Problems whose solution was chosen first (validation by construction), in the plane and in space: any sets, nodes on
-//! the verge of slip, and none of what makes a problem easy.
+//! the verge of slip, and no simplifying properties.
 
 use crate::common::manufactured::{Friction, Node, manufactured};
 use crate::common::or_panic::OrPanic as _;
@@ -30,7 +30,7 @@ fn node() -> impl Strategy<Value = Node> {
     })
 }
 
-/// Makes a problem and solves it on both paths, which have to come to what was chosen.
+/// Makes a problem and solves it on both paths, which have to find the chosen solution.
 fn check<const D: usize>(
     n: usize,
     nodes: &[Node],
@@ -39,7 +39,7 @@ fn check<const D: usize>(
     settings: &NewtonSettings,
 ) {
     let made = manufactured::<D>(n, nodes, general, random);
-    // Without any force there is nothing that rounding, which is all there is then, could be accurate beside.
+    // Without any force only rounding is left, and nothing to compare it with.
     if made.lambda.iter().all(|&l| l == 0.0) {
         return;
     }
@@ -134,7 +134,7 @@ fn one_node_all_separated_all_sticking_odd_sizes() {
             uniform(17, false, 0),
             uniform(17, false, 1),
         ] {
-            // n = D m leaves no unknown free of contact; what is no multiple of D is padded inside.
+            // n = D m leaves no unknown free of contact; an n that is not a multiple of D is padded inside.
             for n in [2 * nodes.len(), 2 * nodes.len() + 1, 77] {
                 check::<2>(n, &nodes, general, &mut random, &settings);
             }
@@ -251,7 +251,7 @@ fn products_by_iterations_lead_the_same_way() {
         exact_products += exact.n_a;
         nested_products += nested.n_a;
     }
-    // Products that are only as exact as need be cannot be recycled as often.
+    // Products that are only as accurate as necessary can be recycled less often.
     let ratio = nested_products as f64 / exact_products as f64;
     assert!(
         ratio < 1.5,
@@ -259,7 +259,7 @@ fn products_by_iterations_lead_the_same_way() {
     );
 }
 
-/// The directions of the tangents are a choice: any other pair of them gives the same answer in the same steps.
+/// The directions of the tangents are arbitrary: any other pair of them gives the same answer in the same steps.
 #[test]
 fn tangents_may_be_turned() {
     let mut random = Random(11);

@@ -1,4 +1,4 @@
-//! The iterative path on the CPU: what it costs beside one linear solve, and where it might go wrong.
+//! The iterative path on the CPU: its cost compared with one linear solve, and its pitfalls.
 
 use crate::common::manufactured::{Node, manufactured};
 use crate::common::or_panic::OrPanic as _;
@@ -17,8 +17,8 @@ fn problem(geometry: Geometry, k: usize, loads: &Loads) -> ContactProblem {
     reference::problem(geometry, &mesh, loads).or_panic()
 }
 
-/// Case B at refinement k for the price of less than three linear solves, all set-up included, by the way that
-/// the direct path takes.
+/// Case B at refinement k for the cost of less than three linear solves, including set-up, by the path of the direct
+/// method.
 fn case_b_costs_a_few_linear_solves(k: usize) {
     let problem = problem(Geometry::OneBody, k, &CASE_B);
     let settings = NewtonSettings {
@@ -40,7 +40,7 @@ fn case_b_costs_a_few_linear_solves(k: usize) {
     assert!(10 * costs.solves.iterations <= solves * linear, "{what}");
     if k < 20 {
         let expected = solve(&problem, &settings);
-        // Found: at most one more; other machines round otherwise.
+        // Found: at most one more; other machines round differently.
         assert!(found.info.n_a <= expected.info.n_a + 2, "{what}");
         assert!(distance(&found.u, &expected.u) < 1e-3, "{what}");
     }
@@ -125,9 +125,9 @@ fn units_do_not_matter() {
     }
 }
 
-/// One contact node in a large body, and a body of which every unknown is held by a multiplier.
+/// One contact node in a large body, and a body whose every unknown is held by a multiplier.
 #[test]
-fn hardly_any_contact_and_nothing_but_contact() {
+fn hardly_any_contact_and_only_contact() {
     let mut random = Random(5);
     for (n, m) in [(2, 1), (400, 1), (401, 1), (60, 30), (81, 40), (240, 120)] {
         for i in 0..6 {
@@ -146,7 +146,7 @@ fn hardly_any_contact_and_nothing_but_contact() {
     }
 }
 
-/// The exact method asks for all that can be had, and gets it.
+/// The exact method requests the highest accuracy, and gets it.
 #[test]
 fn the_exact_method_on_inexact_products() {
     let problem = problem(Geometry::OneBody, 1, &CASE_B);
@@ -161,13 +161,13 @@ fn the_exact_method_on_inexact_products() {
     assert!(distance(&found.u, &expected.u) < 1e-8);
 }
 
-/// A node on a hinge, which moves without being a rigid body: an error that says so, not a strange failure.
+/// A node on a hinge, which moves without being a rigid body: an error that reports it, not an obscure failure.
 #[test]
 fn a_kernel_beyond_rigid_motions_is_an_error() {
     let base = problem(Geometry::OneBody, 1, &CASE_B);
     let k = base.stiffness();
     let n = k.n_rows();
-    // Two nodes more, on a rod between them that is pinned at one end.
+    // Two more nodes, on a rod between them that is pinned at one end.
     let rod = [
         (n, n, 2e10),
         (n, n + 2, -1e10),
@@ -208,8 +208,8 @@ fn a_kernel_beyond_rigid_motions_is_an_error() {
     assert!(text.contains("not positive definite"), "{text}");
 }
 
-/// Sticking forces that cancel the load in some unknowns altogether, step by step: what is left of u there is rounding, and
-/// its residual must not be asked to become smaller for ever.
+/// Sticking forces that cancel the load in some unknowns entirely, step by step: the remaining u there is rounding, and its
+/// residual must not have to shrink for ever.
 #[test]
 fn forces_that_cancel() {
     let diagonal = [

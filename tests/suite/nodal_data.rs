@@ -59,7 +59,7 @@ fn forces_on_nodes_pull_as_a_traction_does() {
     }
 }
 
-/// A new node between nodes of a set is one of the set: the end stays straight.
+/// A new node between nodes of a set joins the set: the end stays straight.
 #[test]
 fn raised_sets_hold_the_middles_too() {
     let mesh = strip(2);
@@ -74,7 +74,7 @@ fn raised_sets_hold_the_middles_too() {
     }
 }
 
-/// A force at a point is on its node alone, one on a boundary on each of its nodes; factors count.
+/// A force at a point acts only on its node, one on a boundary on each of its nodes; factors count.
 #[test]
 fn forces_at_points_and_on_boundaries_add_up() {
     let built = pulled(strip(1), |model| {
@@ -136,7 +136,7 @@ fn case(tables: &str) -> Result<CaseProblem, String> {
     built.map_err(|e| e.to_string().replace(&*place.path().to_string_lossy(), ""))
 }
 
-/// Node sets of an input file hold and load nodes, whether or not they have facets; names are those of results.
+/// Node sets of an input file hold and load nodes, whether or not they have facets; results use their names.
 #[test]
 fn node_sets_of_input_files_are_named_by_cases() {
     let made = case(
@@ -151,14 +151,14 @@ fn node_sets_of_input_files_are_named_by_cases() {
     };
     assert_eq!(built.elastic.supports, ["clamp", "corner, y"]);
     assert_eq!(built.elastic.support_centres[1], [0.0, 0.0]);
-    // It is pulled up to the middle: u = F / E there and behind.
+    // It is pulled up to the middle: u = F / E there and beyond.
     for (u, x) in displacements(&built).iter().zip(&built.elastic.mesh.nodes) {
         assert!((u[0] - x[0].min(1.0) / 100.0).abs() < 1e-15);
     }
 }
 
 #[test]
-fn what_is_wrong_with_sets_is_told() {
+fn faults_of_sets_are_reported() {
     let of_force = |rest: &str| {
         case(&format!(
             "[[support]]\nnodes = \"left\"\nx = 0\ny = 0\n[[force]]\n{rest}\n"
@@ -173,7 +173,7 @@ fn what_is_wrong_with_sets_is_told() {
         ),
         (
             "name = \"pull\"\nnodes = \"nowhere\"\nx = 1",
-            "line 12: force 1 \"pull\" on the nodes \"nowhere\": the set of nodes \"nowhere\" is empty, or no element has its",
+            "line 12: force 1 \"pull\" on the nodes \"nowhere\": the set of nodes \"nowhere\" is empty, or its nodes belong",
         ),
         ("nodes = []\nx = 1", "line 12: a list of node sets is empty"),
         ("nodes = \"left\"", "line 12: a force needs x or y"),
@@ -188,12 +188,14 @@ fn what_is_wrong_with_sets_is_told() {
         ),
         (
             "nodes = \"left\"\nx = 1\nfactors = [1, 2]",
-            "factors belong to load steps",
+            "factors apply to load steps",
         ),
     ] {
         let text = of_force(rest);
         assert!(text.contains(expected), "{rest}: {text}");
     }
     let both = case("[[support]]\nnodes = \"left\"\nsymmetry = true\n");
-    assert!(both.is_err_and(|text| text.contains("symmetry stands alone with a boundary")));
+    assert!(
+        both.is_err_and(|text| { text.contains("symmetry takes a boundary and nothing else") })
+    );
 }

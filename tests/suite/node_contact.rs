@@ -62,8 +62,8 @@ fn pressed(mesh: Mesh<3>, pair: Pair<3>) -> Model<3> {
         .traction(Traction::on("up-top").z(-1e7).x(1e6))
 }
 
-/// Nodes that meet nodes hand a uniform pressure on as it is; ones that meet facets of another mesh hand all of it on, and agree
-/// with the mortar method as meshes do.
+/// Nodes that meet nodes transfer a uniform pressure unchanged; those that meet facets of another mesh transfer all of it, and
+/// agree with the mortar method as far as the meshes do.
 #[test]
 fn nodes_against_faces() {
     let by_nodes = || Pair::new("foot", "low-top").by_nodes().coulomb(0.3);
@@ -111,7 +111,7 @@ fn nodes_against_faces() {
     }
 }
 
-/// Against an obstacle nodes are what their facets are: the same rows, the same areas.
+/// Against an obstacle, nodes give the same rows and the same areas as their facets.
 #[test]
 fn nodes_against_an_obstacle() {
     let mut mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
@@ -159,7 +159,7 @@ fn mesh_error(error: &str, name: &str) {
 }
 
 #[test]
-fn nodes_that_make_up_no_face_are_told_so() {
+fn nodes_without_a_face_are_reported() {
     let mut mesh = stack([2, 2], SolidShape::Hexahedron);
     let foot = mesh.node_sets["foot"].clone();
     mesh.node_sets.insert("one".to_owned(), foot[..1].to_vec());
@@ -167,7 +167,7 @@ fn nodes_that_make_up_no_face_are_told_so() {
         .build()
         .unwrap_err();
     assert!(error.to_string().contains("no outer face"), "{error}");
-    // One node bears all of it, with the share of area that it has.
+    // One node bears the whole force, with its share of area.
     let one = model(mesh, Pair::new("one", "low-top").by_nodes())
         .support(Support::on("low-bottom").fixed());
     let built = one

@@ -1,4 +1,4 @@
-//! Meshes of other programs: Abaqus input files and grids of VTK as their writers lay them out.
+//! Meshes of other programs: Abaqus input files and grids of VTK in the layout of their writers.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
@@ -12,7 +12,7 @@ fn at(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// What comes of a text under this name.
+/// The result of a text under this name.
 fn parsed(name: &str, text: &str, cell_data: Option<&str>) -> Result<AnyMesh, String> {
     let place = tempfile::tempdir().or_panic();
     let path = place.path().join(name);
@@ -78,7 +78,7 @@ const CAE: &str = "*Heading\n** Job name: job Model name: Model-1\n*Preprint, ec
     *Material, name=Steel\n*Elastic\n 2.1e11, 0.3\n*Step, name=Load\n*Static\n*End Step\n";
 
 #[test]
-fn an_assembly_stands_where_its_instances_are() {
+fn an_assembly_is_placed_by_its_instances() {
     let mesh = solid(parsed("cae.inp", CAE, None));
     assert_eq!((mesh.nodes.len(), mesh.elements.len()), (24, 4));
     assert_eq!(mesh.bodies().0, 2);
@@ -112,7 +112,7 @@ fn an_assembly_stands_where_its_instances_are() {
     assert!(!mesh.boundaries.contains_key("RefPoint"));
 }
 
-/// Instances that are meshed by themselves, as Abaqus/CAE writes independent ones, are the same bodies.
+/// Instances with their own meshes, as Abaqus/CAE writes independent ones, are the same bodies.
 #[test]
 fn instances_may_have_meshes_of_their_own() {
     let (begin, rest) = CAE.split_once("*Node\n").expect("nodes");
@@ -177,18 +177,18 @@ fn a_flat_file_of_the_plane() {
 }
 
 #[test]
-fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
+fn faults_of_an_input_file_are_reported_with_their_line() {
     let flat = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4, ELSET=body\n1, 1, 2, 3, 4\n";
     assert!(parsed("a.inp", flat, None).is_ok());
     let cases = [
         (
             flat.replace("C3D4", "C3D10"),
-            "a.inp, line 7: an element of this type has 10 nodes, here are 4",
+            "a.inp, line 7: an element of this type has 10 nodes, but 4 are given",
         ),
         (
             flat.replace("C3D4", "C3D10")
                 .replace("2, 3, 4\n", "2, 3, 4, 0, 0, 0, 0, 0, 0\n"),
-            "a.inp, line 7: an element of second order without some of its midsides",
+            "a.inp, line 7: this element of second order lacks some midside nodes",
         ),
         (
             flat.replace("C3D4", "C3D15V"),
@@ -196,7 +196,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.replace("C3D4", "CGAX3"),
-            "line 6: CGAX3 is an axisymmetric element that twists",
+            "line 6: CGAX3 is an axisymmetric element with twist",
         ),
         (
             flat.replace("C3D4", "SPRINGA"),
@@ -208,7 +208,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.replace("2, 3, 4", "2, 3"),
-            "line 7: an element of this type has 4 nodes, here are 3",
+            "line 7: an element of this type has 4 nodes, but 3 are given",
         ),
         (
             flat.replace("2, 3, 4", "2, 3, 9"),
@@ -221,7 +221,7 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.replace("2, 1, 0, 0", "1, 1, 0, 0"),
-            "line 3: node 1 stands twice",
+            "line 3: node 1 is listed twice",
         ),
         (
             flat.to_owned() + "*NSET, NSET=a\n77\n",
@@ -237,15 +237,15 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.to_owned() + "*SURFACE, NAME=a\nbody, S5\n",
-            "line 9: surface \"a\": S5 is no face of such an element",
+            "line 9: surface \"a\": S5 is not a face of this element",
         ),
         (
             flat.replace("2, 3, 4", "2, 3, 4, 5"),
-            "line 7: an element of this type has 4 nodes, here are 5",
+            "line 7: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             flat.replace("2, 3, 4", "2, 3,\n4, 5"),
-            "line 8: an element of this type has 4 nodes, here are 5",
+            "line 8: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             flat.to_owned() + "*INCLUDE, INPUT=b.inp\n",
@@ -253,15 +253,15 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             flat.to_owned() + "*ELEMENT, TYPE=C3D4,\nINPUT=\n",
-            "a.inp, line 8: *ELEMENT: INPUT= has to name a file",
+            "a.inp, line 8: *ELEMENT: INPUT= must name a file",
         ),
         (
             flat.to_owned() + "*INCLUDE, INPUT=a.inp\n",
-            "does one name itself?",
+            "does one include itself?",
         ),
         (
             flat.to_owned() + "*NGEN\n1, 9, 1\n",
-            "line 8: *NGEN: nodes and elements have to be written out",
+            "line 8: *NGEN: nodes and elements must be listed one by one",
         ),
         (
             CAE.replace("part=Brick\n          5.", "part=Prick\n          5."),
@@ -269,11 +269,11 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
         ),
         (
             CAE.replace("5.,           0.,           4.,          90.", "90."),
-            "an instance has a line with its shift",
+            "an instance takes one line with its shift",
         ),
         (
             "*NODE\n1, 0, 0\n".to_owned(),
-            "a.inp: there are no elements of a body in it: write CPE3",
+            "a.inp: it contains no elements of a body: write CPE3",
         ),
         (
             "solid cube\n".to_owned(),
@@ -290,9 +290,9 @@ fn what_is_wrong_with_an_input_file_is_told_with_its_line() {
     }
 }
 
-/// Nodes, elements and sets in files of their own, as `INPUT=` names them, are those of one file.
+/// Nodes, elements and sets in separate files, named by `INPUT=`, equal those of one file.
 #[test]
-fn data_may_stand_in_other_files() {
+fn data_may_be_in_other_files() {
     let place = tempfile::tempdir().or_panic();
     let file = |name: &str, text: &str| {
         let path = place.path().join(name);
@@ -332,7 +332,7 @@ fn data_may_stand_in_other_files() {
     assert_eq!(mesh.elements.len(), 2);
     assert!(near(volume(&mesh), volume(&expected)));
     assert_eq!(mesh.boundaries, expected.boundaries);
-    // What is wrong is told with the file it is in, and the line there.
+    // A fault is reported with its file, and the line there.
     for (name, text, expected) in [
         (
             "low.txt",
@@ -342,7 +342,7 @@ fn data_may_stand_in_other_files() {
         (
             "mesh/second.txt",
             "2, 2, 3, 4, 5, 1\n",
-            "second.txt, line 1: an element of this type has 4 nodes, here are 5",
+            "second.txt, line 1: an element of this type has 4 nodes, but 5 are given",
         ),
         (
             "mesh/rest.inp",
@@ -407,7 +407,7 @@ fn sorted<F: Ord>(mut boundaries: BTreeMap<String, Vec<F>>) -> BTreeMap<String, 
 
 /// A file of Gmsh written from a mesh is read as the same mesh.
 #[test]
-fn what_is_written_for_gmsh_is_read_back() {
+fn files_written_for_gmsh_are_read_back() {
     let solids = join(
         block(
             [0.0; 3],

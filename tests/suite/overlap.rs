@@ -1,4 +1,4 @@
-//! What a drawing says: overlaps, refused with all that can be said about them or pressed apart; planes of symmetry.
+//! Overlaps in a drawing, refused with all remedies or pressed apart; planes of symmetry.
 
 use crate::common::models::{answer, stacked};
 use crate::common::solved::solve_case;
@@ -50,19 +50,19 @@ fn an_overlap_is_refused_with_three_ways_out() {
     let twice = stack(base().overlap_as_interference().gap(0.0))
         .build()
         .unwrap_err();
-    assert!(twice.to_string().contains("state no gap"), "{twice}");
+    assert!(twice.to_string().contains("leave out gap"), "{twice}");
 }
 
 /// Two blocks, each 1 high, that overlap by δ between fixed plates: the pressure is δ/2 of the modulus. Against a floor all of δ.
 #[test]
-fn what_overlaps_is_pressed_apart() {
+fn overlaps_are_pressed_apart() {
     for path in [Stiffness::Cholesky, Stiffness::Pcg] {
         let found = answer(stack(base().overlap_as_interference()), 1e-9, path);
         for i in 0..found.m() {
             let part = found.pressure(i) / (0.5 * DEEP * MODULUS);
             assert!((part - 1.0).abs() < 1e-6, "{part}");
         }
-        // What is no more than counts as touching is none.
+        // An overlap within the touching distance counts as none.
         let flat = answer(
             stack(base().overlap_as_interference().adjust(2.0 * DEEP)),
             1e-9,
@@ -95,8 +95,8 @@ fn what_overlaps_is_pressed_apart() {
     }
 }
 
-/// A disc drawn 1e-4 larger than the cylinder around which its ring lies: all of the ring's nodes are inside. And where a drawing
-/// overlaps in a part only, gaps stay gaps elsewhere.
+/// A disc drawn 1e-4 larger than the cylinder inside its ring: all of the ring's nodes are inside. And if a drawing overlaps only
+/// in a part, gaps elsewhere stay gaps.
 #[test]
 fn all_of_a_boundary_or_a_part_of_it() {
     let ring = |map: fn([f64; 2]) -> [f64; 2]| {
@@ -147,7 +147,7 @@ fn all_of_a_boundary_or_a_part_of_it() {
     assert!(found.solution.lambda[first] > 0.0 && found.solution.lambda[last] == 0.0);
 }
 
-/// One boundary of several planes is held across each of them, as the planes one by one; a curved one is refused.
+/// One boundary of several planes is held perpendicular to each of them, like separate planes; a curved one is refused.
 #[test]
 fn symmetry_of_a_boundary_of_several_planes() {
     let mut mesh = block(
@@ -193,10 +193,10 @@ fn symmetry_of_a_boundary_of_several_planes() {
     assert!(error.to_string().contains("is not plane"), "{error}");
 }
 
-/// A hollow shaft of radius 40 that is drawn 0.02 too large for its hub, a quarter in plane stress: facets of 12 and of 24 cells lie 0.09 and
-/// 0.02 off their arcs. Lamé's pressure, whichever side is named first; and no force where the arcs lie apart.
+/// A hollow shaft of radius 40 that is drawn 0.02 too large for its hub, a quarter in plane stress: facets of 12 and of 24 cells
+/// are 0.09 and 0.02 off their arcs. Lamé's pressure, whichever side is named first; and no force where the arcs are apart.
 #[test]
-fn arcs_overlap_by_what_they_are_drawn() {
+fn arcs_overlap_as_drawn() {
     let arc = |x: &str| format!("[\"({x})*cos(pi/2*y)\", \"({x})*sin(pi/2*y)\"]");
     let fit = |shaft: f64, cells: [usize; 2], sides: [&str; 2]| {
         solve_case(
@@ -238,7 +238,7 @@ fn arcs_overlap_by_what_they_are_drawn() {
         let apart = fit(39.99, cells, ["shaft-right", "hub-left"]);
         assert!(apart.solution().lambda.iter().all(|&l| l == 0.0));
     }
-    // Of an ellipse nothing is known but that its facets are coarse beside the overlap.
+    // For an ellipse it is only known that its facets are coarse compared with the overlap.
     let text = "[[mesh.part]]\nname = \"in\"\nrectangle = { size = [1, 1], cells = [2, 12], map = [\"(0.5 + 0.501*x)*cos(pi/2*y)\", \"0.8*(0.5 + 0.501*x)*sin(pi/2*y)\"] }\n\
                 [[mesh.part]]\nname = \"out\"\nrectangle = { size = [1, 1], cells = [2, 12], map = [\"(1 + x)*cos(pi/2*y)\", \"0.8*(1 + x)*sin(pi/2*y)\"] }\n\
                 [[material]]\nyoung = 1\npoisson = 0.3\n[[support]]\nboundary = [\"in-bottom\", \"in-top\", \"out-bottom\", \"out-top\"]\nsymmetry = true\n\

@@ -1,9 +1,9 @@
 //! Many rigid bodies in contact with each other: more contacts than motions, so that forces depend on each other.
 //!
 //! Every packing follows from its seed: spheres and rods of two or three of them on a lattice that is pushed out of shape, between
-//! a floor and four walls, with the velocities that a time step finds before there are impulses. Each is solved as u = W r + q
-//! and as the bodies themselves, K their masses. What is found is judged by the natural map of Siconos and FCLIB,
-//! ‖r − P(r − (u + μ‖u_t‖n))‖ / ‖q‖, on a W that is made here.
+//! a floor and four walls, with the velocities that a time step finds before there are impulses. Each is solved as u = W r + q and
+//! as the bodies themselves, with their masses as K. The result is judged by the natural map of Siconos and FCLIB, ‖r − P(r − (u +
+//! μ‖u_t‖n))‖ / ‖q‖, on a W that is made here.
 //!
 //! `cargo test --release --test suite -- --ignored --nocapture packings::` solves larger ones beside projected Gauss–Seidel.
 //! `PACKINGS_SEED` is the first seed, `PACKINGS` how many.
@@ -156,7 +156,7 @@ impl Packing {
             .zip(&self.free)
             .map(|(m, v)| m * v)
             .collect();
-        // Rows of what closes and slides, in compressed form.
+        // Rows of closing and sliding, in compressed form.
         let rows = |wanted: bool| {
             let (mut starts, mut cols, mut values) = (vec![0_usize], Vec::new(), Vec::new());
             for (_, row) in (self.rows.iter().enumerate()).filter(|(i, _)| (i % 3 == 0) == wanted) {
@@ -248,7 +248,7 @@ fn on_cone(z: Vector, mu: f64) -> Vector {
     }
 }
 
-/// What has come of a solve.
+/// The result of a solve.
 struct Found {
     status: Status,
     steps: usize,

@@ -19,7 +19,7 @@ use std::path::Path;
 /// On random curved boundaries of two bodies: weights add up to one, and on straight ones linear functions
 /// are transferred exactly.
 #[test]
-fn mortar_weights_reproduce_what_they_must() {
+fn mortar_weights_reproduce_linear_fields() {
     let mut random = Random(7);
     for round in 0..60 {
         let cells = |random: &mut Random| [1 + random.below(12), 1 + random.below(3)];
@@ -88,7 +88,7 @@ fn mortar_weights_reproduce_what_they_must() {
                     .sum();
                 assert!((there - along(node.place)).abs() < 1e-11, "round {round}");
             }
-            // The area is that of what faces each other.
+            // The area is that of the facing parts.
             let area: f64 = nodes.iter().map(|n| n.area).sum();
             if bend == 0.0 {
                 assert!((area - 2.0 * (2.0 - overhang)).abs() < 1e-9, "{area}");
@@ -126,7 +126,7 @@ fn boundaries_that_cannot_meet_are_explained() {
     assert!(error("against = \"low-top\"\ngap = -0.1", "[0, 1]").contains("the gap is -0.1 at"));
     assert!(error("against = \"up-left\"", "[0, 1]").contains("belongs to both boundaries"));
     assert!(error("against = \"low_top\"", "[0, 1]").contains("did you mean \"low-top\"?"));
-    // What would overlap may be told to touch, or be given a gap.
+    // An overlap may be declared touching, or be given a gap.
     for extra in ["adjust = 0.1", "gap = 0.002"] {
         let solved = solve_case_twice(&text(&format!("{against}\n{extra}"), "[0, 0.9]"), 1e-9);
         let fields = solved.fields();
@@ -155,7 +155,7 @@ fn unloading_leaves_half() {
     let end = |solved: &Solved| solved.displacement()[solved.node_at([6.0, 0.5 * h])][0];
     let full = end(&solve_case(&text("[1]"), 1e-9));
     assert!((full / 0.004 - 1.0).abs() < 0.01);
-    // In one step or in four it is the same, as the load only grows.
+    // The result is the same in one step or in four, because the load only grows.
     let grown = solve_case_twice(&text("[0.25, 0.5, 0.75, 1]"), 1e-9);
     assert!((end(&grown) / full - 1.0).abs() < 1e-3);
     let unloaded = end(&solve_case_twice(&text("[1, 0]"), 1e-9));
@@ -211,7 +211,7 @@ fn a_moving_tool_drags_the_block() {
     assert!((drag / force - 0.1).abs() < 0.02, "{drag} {force}");
 }
 
-/// A disc between two plates without any support of its own; what contact does not hold is told.
+/// A disc between two plates without its own supports; a motion that contact does not hold is reported.
 #[test]
 fn bodies_that_only_contact_holds() {
     let text = |load: &str, top: &str| {
@@ -282,7 +282,7 @@ fn bodies_that_only_contact_holds() {
     assert!(up.motion.starts_with("slides along ("), "{}", up.motion);
 }
 
-/// The weight of a soft block rests on the floor, whatever a stiff body beside it is moved by.
+/// The weight of a soft block rests on the floor, however a stiff body beside it moves.
 #[test]
 fn the_weight_of_a_soft_body_beside_a_stiff_one() {
     let text = |moved: f64| {
@@ -311,7 +311,7 @@ fn the_weight_of_a_soft_body_beside_a_stiff_one() {
     }
 }
 
-/// The fixed point of rounds and the monolithic Newton steps come to the same.
+/// The fixed point of rounds and the monolithic Newton steps give the same result.
 #[test]
 fn coupled_steps_and_rounds_come_to_the_same() {
     let text = "[mesh]\nrectangle = { size = [0.04, 0.04], cells = [48, 48] }\n\
@@ -346,7 +346,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
         )
         .or_panic();
         assert_eq!(solution.status, Status::Converged);
-        // The end of them is judged by the law itself, without a step.
+        // The law itself judges their end, without a step.
         let frozen = solution.rounds.iter().filter(|round| round.frozen).count();
         assert_eq!((rounds, frozen > 0), (frozen, !monolithic));
         // |λτ| ≤ μ λν holds with the λν at the end.
@@ -369,7 +369,7 @@ fn coupled_steps_and_rounds_come_to_the_same() {
     assert!(2 * monolithic.n_a() < rounds.n_a());
 }
 
-/// Coulomb friction costs what given slip bounds cost, in every template.
+/// Coulomb friction costs as much as given slip bounds, in every template.
 #[test]
 fn coulomb_at_the_price_of_tresca() {
     for (name, most) in [
@@ -392,8 +392,8 @@ fn coulomb_at_the_price_of_tresca() {
     }
 }
 
-/// A body comes down on the floor across any gap, a step may take all load away again, and what contact bears
-/// at once, with no displacement at all, counts as solved.
+/// A body comes down on the floor across any gap, a step may remove the whole load again, and a load that contact bears
+/// at once, without any displacement, counts as solved.
 #[test]
 fn gaps_are_crossed_and_loads_taken_away() {
     let text = |gap: f64, moved: f64, factors: &str| {

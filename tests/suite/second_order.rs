@@ -1,4 +1,4 @@
-//! Elements of second order: how fast errors fall, bending, nearly incompressible bodies, multigrid, and contact with
+//! Elements of second order: convergence orders, bending, nearly incompressible bodies, multigrid, and contact with
 //! obstacles.
 //!
 //! `cargo test --release --test suite -- --nocapture second_order::` shows the figures.
@@ -121,7 +121,7 @@ fn stress<const D: usize>(exact: Field<D>, x: [f64; D]) -> [[f64; D]; D] {
     })
 }
 
-/// Errors in L², in energy and of the stresses at nodes, of a body that is held all around as the field says.
+/// Errors in L², in energy and of the stresses at nodes, of a body with the field prescribed all around.
 fn errors<const D: usize>(mesh: &Mesh<D>, exact: Field<D>) -> [f64; 3]
 where
     ElementKind: Topology<D>,
@@ -179,7 +179,7 @@ where
     [sums[0].sqrt(), sums[1].sqrt(), mean.sqrt()]
 }
 
-/// The orders with which errors fall from a mesh to the next, of cells half as wide.
+/// The orders of convergence from a mesh to the next, of cells half as wide.
 fn orders(coarse: [f64; 3], fine: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (coarse[k] / fine[k]).log2())
 }
@@ -361,7 +361,7 @@ fn cooks_membrane_nearly_incompressible() {
         ("tet10", SolidShape::Tetrahedron, Order::Lagrange, 0.02),
         ("hex20", SolidShape::Hexahedron, Order::Serendipity, 0.02),
         ("hex27", SolidShape::Hexahedron, Order::Lagrange, 0.02),
-        // Its triangles have the constant strains of first order in the plane, of which the mean dilatation is one.
+        // Its triangles have the constant strains of first order in the plane, and their mean dilatation is the same.
         ("wedge6", SolidShape::Wedge, Order::First, 0.1),
         ("wedge18", SolidShape::Wedge, Order::Lagrange, 0.02),
     ] {
@@ -493,7 +493,7 @@ fn iterations_of_a_linear_solve() {
 /// Reference case C with as many contact nodes of either order: products and V-cycles. (12 products of first order, 15 of
 /// second; 13 and 16, 14 and 17 on finer meshes.)
 #[test]
-fn a_contact_solve_costs_what_one_of_first_order_does() {
+fn a_contact_solve_costs_as_much_as_one_of_first_order() {
     let counts = |q, order| {
         let mesh = of_order(CASE_C.mesh(q, SolidShape::Hexahedron), order);
         let problem = CASE_C.problem_on(&mesh).or_panic();
@@ -625,7 +625,8 @@ fn plane_hertz(shape: CellShape, order: Order, across: usize) -> [f64; 3] {
     )
 }
 
-/// Half-width, peak and middle of the pressures found, beside those of Hertz for the force of the (half or quarter) model.
+/// Half-width, peak and middle of the computed pressures, beside those of Hertz for the force of the (half or quarter)
+/// model.
 fn fitted<const D: usize>(
     answer: &Answer<D>,
     width: impl Fn(f64) -> f64,

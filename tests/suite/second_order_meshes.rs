@@ -1,7 +1,7 @@
-//! Meshes of second order: in every format, raised from those of first order, and beside those.
+//! Meshes of second order: in every format, raised from those of first order, and compared with those.
 //!
-//! Files are written here by the lists of nodes that the manuals of Gmsh, VTK and Abaqus give: each node by the corners that
-//! it lies in the middle of. They are bent, so that a node at another edge than its own shows.
+//! Files are written here by the lists of nodes in the manuals of Gmsh, VTK and Abaqus: each node by the corners on either
+//! side of it. The meshes are bent, so that a node at another edge than its own is noticed.
 
 use crate::common::or_panic::OrPanic as _;
 use crate::gmsh::drawing::{CODINGS, Coding, Out};
@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Whose lists of nodes.
+/// The source of lists of nodes.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Lists {
     Gmsh,
@@ -24,7 +24,7 @@ enum Lists {
     Abaqus,
 }
 
-/// Which corners each node behind the corners lies in the middle of.
+/// The corners on either side of each node after the corners.
 fn middles(kind: ElementKind, lists: Lists) -> &'static [&'static [usize]] {
     let all: &'static [&'static [usize]] = match (kind.linear(), lists) {
         (ElementKind::Triangle, _) => &[&[0, 1], &[1, 2], &[2, 0]],
@@ -172,7 +172,7 @@ where
     at: HashMap<[i64; 3], u32>,
 }
 
-/// A place that a node may be found by.
+/// A point for identifying a node.
 fn key<const D: usize>(x: [f64; D]) -> [i64; 3] {
     std::array::from_fn(|c| x.get(c).map_or(0, |x| (x * 1e6).round() as i64))
 }
@@ -218,7 +218,7 @@ where
         self.at[&key::<D>(std::array::from_fn(sum))]
     }
 
-    /// The nodes of an element as they are listed.
+    /// The nodes of an element in the order of a list.
     fn listed(&self, element: &Element<D>, lists: Lists) -> Vec<u32> {
         let corners = &element.nodes()[..element.kind().n_corners()];
         let middles = middles(element.kind(), lists).iter().map(|of| {
@@ -244,7 +244,7 @@ where
         nodes
     }
 
-    /// That what was read is the bent mesh, its nodes at their own edges.
+    /// Checks that the mesh read is the bent mesh, with its nodes at their own edges.
     #[track_caller]
     fn is(&self, found: &Mesh<D>, name: impl Fn(&str) -> String, what: &str) {
         assert_eq!(found.nodes, self.bent.nodes, "{what}");
@@ -469,7 +469,7 @@ where
                     number += 1;
                     let mut nodes = self.listed_facet(facet);
                     if nodes.len() == 3 && D == 2 {
-                        // The middle of a truss stands between its ends.
+                        // The middle of a truss is between its ends.
                         nodes.swap(1, 2);
                     }
                     let kind = facet_called::<D>(nodes.len()).2;
@@ -491,7 +491,7 @@ where
         text
     }
 
-    /// The element of a facet, and which of its faces that is, from 1.
+    /// The element of a facet, and the number of that face, from 1.
     fn side(&self, facet: &Facet<D>) -> (usize, usize) {
         let corners = facet_corners(facet);
         let sides = |kind: ElementKind| -> &'static [&'static [usize]] {
@@ -591,7 +591,7 @@ fn solids() -> Vec<Mesh<3>> {
     all
 }
 
-/// What comes of a file with this name and content.
+/// The result of a file with this name and content.
 fn parsed(name: &str, bytes: &[u8], linear: bool) -> Result<AnyMesh, String> {
     let place = tempfile::tempdir().or_panic();
     let path = place.path().join(name);
@@ -667,7 +667,7 @@ where
         let reduced = ["CPS8R", "C3D20R"].contains(&called(kind).2);
         assert_eq!(mesh.notes.len(), usize::from(reduced));
     }
-    // What is written for Gmsh is read back.
+    // The output for Gmsh is read back.
     let written = msh(&bent.bent.clone().any());
     let again = Mesh::<D>::of(parsed("a.msh", written.as_bytes(), false).or_panic());
     bent.is(&again, same, &format!("{kind:?}, written"));
@@ -752,7 +752,7 @@ fn raised_meshes_share_the_nodes_between_neighbours() {
         ElementKind::Hexahedron27,
         5 * 5 * 3,
     );
-    // All nodes of the hexahedra, less those in the middle of cells, which lie in no face of four corners there.
+    // All nodes of the hexahedra, without those in the middle of cells, which are in no face of four corners there.
     of(&solid(SolidShape::Wedge), ElementKind::Wedge18, 5 * 5 * 3);
 }
 
@@ -770,7 +770,7 @@ fn cells(nodes: &[[f64; 3]], elements: &[(ElementKind, &[u32])]) -> Result<Mesh<
 }
 
 #[test]
-fn neighbours_of_two_orders_are_told_apart() {
+fn neighbours_of_two_orders_are_distinguished() {
     // Two triangles, one with midsides.
     let nodes = vec![
         [0.0, 0.0],
@@ -807,7 +807,8 @@ fn neighbours_of_two_orders_are_told_apart() {
     );
     let text = told.to_string();
     assert!(
-        text.contains("element 1 has a node in the middle of the edge near (5.000000e-1, 5.000000e-1), and its neighbour 0 has none"),
+        text.contains("element 1 has a midside node on the edge near (5.000000e-1, 5.000000e-1), but its neighbour 0 \
+                       has none"),
         "{text}"
     );
     // A node each in one place.
@@ -880,7 +881,7 @@ fn serendipity_elements_beside_others_get_their_middles() {
     for shape in [SolidShape::Hexahedron, SolidShape::Wedge] {
         let whole = solid(shape).raised().or_panic();
         let volume = whole.measures()[0];
-        // The first of the elements are Lagrange ones: all become so, by the nodes that there are and new ones.
+        // The first of the elements are Lagrange ones: all become so, with the existing nodes and new ones.
         let mut bent = without_middles(&whole, |number| number > 0);
         assert_eq!(bent.nodes.len(), whole.nodes.len());
         assert!(
@@ -897,14 +898,14 @@ fn serendipity_elements_beside_others_get_their_middles() {
             0
         };
         assert_eq!(nodes.len(), bent.nodes.len() - inside);
-        // On curved cells the new nodes lie where the map of the serendipity element has them.
+        // On curved cells the new nodes are where the map of the serendipity element has them.
         let serendipity = without_middles(&whole, |_| true);
         let curved = Bent::new(serendipity).bent;
         let measure = curved.measures()[0];
         let mut elements = curved.elements.clone();
         let mut nodes = curved.nodes.clone();
         let raised = bent.elements[0].kind();
-        // The first element by hand: its middles, new at serendipity places, from a mesh of it alone.
+        // The first element by hand: its middles, new at serendipity positions, from a mesh of it alone.
         let alone = Mesh::new(
             nodes.clone(),
             vec![elements[0]],
@@ -946,7 +947,7 @@ fn serendipity_middle(kind: ElementKind, of: &[usize], x: &[[f64; 3]]) -> [f64; 
 }
 
 #[test]
-fn elements_that_fold_are_told_with_the_order_that_was_meant() {
+fn folded_elements_are_reported_with_the_probable_order() {
     let bent = |shape, serendipity: bool| {
         let raised = solid(shape).raised().or_panic();
         Bent::new(without_middles(&raised, |_| serendipity)).bent
@@ -1009,7 +1010,7 @@ fn elements_that_fold_are_told_with_the_order_that_was_meant() {
             assert!(of(&mesh, &|kind| middles(kind, Lists::Vtk)).is_ok());
         }
     }
-    // One midside far off is no matter of order, and left out it does no harm.
+    // One midside node far off is not a matter of order, and without it the element is valid.
     let mesh = bent(SolidShape::Tetrahedron, true);
     let node = mesh.elements[3].nodes()[5] as usize;
     let mut nodes = mesh.nodes.clone();
@@ -1058,7 +1059,8 @@ fn pyramids_are_read_and_not_raised() {
     every_format(straight);
     let told = mesh.raised().map(drop).unwrap_err().to_string();
     assert!(
-        told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, of which there are none of second order"),
+        told.contains("element 0 near (0.000000e0, 0.000000e0, 0.000000e0) is a pyramid, and pyramids of second order \
+                       are not supported"),
         "{told}"
     );
 }
@@ -1089,7 +1091,7 @@ fn of_case(text: &str, settings: &[&str]) -> Result<AnyMesh, String> {
 
 #[test]
 fn the_order_of_a_case_is_that_of_its_mesh() {
-    // A quarter of a ring: all nodes of its inner side lie on the circle, and its area is right to the fourth order.
+    // A quarter of a ring: all nodes of its inner side are on the circle, and its area is right to the fourth order.
     let ring = "[[support]]\nboundary = \"left\"\nx = 0\ny = 0\n[mesh]\norder = ORDER\n[mesh.rectangle]\norigin = [1, 0]\n\
                 size = [1, 1]\ncells = [2, CELLS]\nmap = [\"x*cos(pi/2*y)\", \"x*sin(pi/2*y)\"]\n";
     let error_of = |order: &str, cells: usize, settings: &[&str]| {
@@ -1140,11 +1142,11 @@ fn the_order_of_a_case_is_that_of_its_mesh() {
     for (text, told) in [
         (
             ring.replace("ORDER", "3").replace("CELLS", "2"),
-            "order is that of the elements: 1 or 2",
+            "order is the order of the elements: 1 or 2",
         ),
         (
             single.replace("curved", "pyramid") + "order = 2\n",
-            "is a pyramid, of which there are none of second order",
+            "is a pyramid, and pyramids of second order are not supported",
         ),
     ] {
         let error = of_case(&text, &[]).map(drop).unwrap_err();
@@ -1152,7 +1154,7 @@ fn the_order_of_a_case_is_that_of_its_mesh() {
     }
 }
 
-/// What Gmsh itself writes of a ring: every kind is what it is called, and has its midsides on the circles.
+/// A ring as written by Gmsh itself: every kind has its name, and its midside nodes on the circles.
 #[test]
 fn gmsh_writes_rings_with_curved_sides() {
     fn is<const D: usize>(name: &str, mesh: &Mesh<D>, kind: ElementKind)

@@ -1,4 +1,4 @@
-//! What slides is told as what slips, in the plane, round an axis and in space.
+//! Sliding places are reported as slipping, in the plane, around an axis and in space.
 
 use crate::common::models::on_the_cpu;
 use crate::common::or_panic::OrPanic as _;
@@ -14,7 +14,8 @@ use signorini::ssnm::Status;
 
 const KINDS: [&str; 3] = ["plane", "axisymmetric", "space"];
 
-/// A plug with a taper of 1 in 8, pushed into its sleeve and let go in part, with so many cells along each; in space one slice of it.
+/// A plug with a taper of 1 in 8, pushed into its sleeve and released in part, with so many cells along each; in space one slice of
+/// it.
 fn plug(kind: &str, [plug, sleeve]: [usize; 2], mu: f64, force: f64) -> String {
     let (shape, width, axis) = match kind {
         "space" => ("box", "0.3, ", "z"),
@@ -48,8 +49,8 @@ fn plug(kind: &str, [plug, sleeve]: [usize; 2], mu: f64, force: f64) -> String {
     )
 }
 
-/// How many places slip and stick, where each is what its slip says: more than the tolerance leaves, or less than a
-/// thousandth of that.
+/// The numbers of slipping and sticking places, where each state agrees with its slip: more than the tolerance leaves,
+/// or less than a thousandth of that.
 fn told<const D: usize>(built: &Built<D>, tolerance: f64) -> [usize; 2]
 where
     ElementKind: Space<D>,

@@ -66,7 +66,7 @@ impl Solved {
         )
     }
 
-    /// What the report says of the step.
+    /// The report of the step.
     fn report(&self) -> StepReport {
         let mut report = Report::new("", &self.build);
         let solved = signorini::solve::Solved {
@@ -145,9 +145,9 @@ fn uniform_pressure_is_uniform_in_space() {
     }
 }
 
-/// The weight of a block that stands on the ground and leans on a wall is what ground and wall carry.
+/// The ground and the wall carry the weight of a block that rests on the ground and leans on the wall.
 #[test]
-fn weight_is_what_reactions_add_up_to() {
+fn reactions_add_up_to_the_weight() {
     let (density, volume) = (2.0, 3.0);
     for shape in ["hexahedron", "tetrahedron", "wedge"] {
         let case = |floor: &str| {
@@ -160,7 +160,7 @@ fn weight_is_what_reactions_add_up_to() {
             )
         };
         let weight = density * volume * 10.0;
-        // A support below: the wall takes what pushes towards it.
+        // A support below: the wall takes the push towards it.
         let report = solve(&case("[[support]]\nboundary = \"bottom\"\nx = 0\nz = 0\n")).report();
         close(
             report.total_load.as_deref().unwrap_or(&[]),
@@ -169,7 +169,7 @@ fn weight_is_what_reactions_add_up_to() {
         );
         close(&report.supports[0].force, &[0.0, 0.0, weight], 1e-7);
         close(&report.contacts[0].force, &[0.0, 0.1 * weight, 0.0], 1e-7);
-        // Ground and wall, and nothing else but what keeps it from sliding away along both.
+        // Only ground and wall, and supports that keep it from sliding away along both.
         let ground = "[[support]]\nboundary = \"left\"\nx = 0\n[[contact]]\nboundary = \"bottom\"\n\
                       obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }\n";
         let solved = solve(&case(ground));
@@ -181,10 +181,10 @@ fn weight_is_what_reactions_add_up_to() {
     }
 }
 
-/// A block on a slope, pressed against it and dragged along it: tractions along the axes, whatever the tangents are.
+/// A block on a slope, pressed against it and dragged along it: tractions along the axes, whatever the tangents.
 #[test]
 fn tractions_are_vectors_along_the_axes() {
-    // Turned by atan(3/4) about y: the block lies on the plane with the normal (-0.6, 0, 0.8).
+    // Turned by atan(3/4) about y: the block is on the plane with the normal (-0.6, 0, 0.8).
     let (bound, p) = (4.0, 10.0);
     let solved = solve(&format!(
         "[mesh.box]\nsize = [2, 1, 1]\ncells = [4, 2, 2]\nmap = [\"0.8*x - 0.6*z\", \"y\", \"0.6*x + 0.8*z\"]\n\
@@ -292,7 +292,7 @@ fn round_obstacles_stop_a_block() {
     }
 }
 
-/// A cube pressed on a floor, with what is to be added to the traction on its top, and at the end.
+/// A cube pressed on a floor, with additions to the traction on its top, and at the end.
 fn cube(top: &str, end: &str) -> String {
     format!(
         "[mesh.box]\nsize = [1, 1, 1]\ncells = [4, 4, 4]\nshape = \"wedge\"\n\

@@ -30,7 +30,7 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * b.abs().max(1.0), "{a} {b}");
 }
 
-/// Area and mean place of a boundary, from its corners alone: a fan of triangles for each face.
+/// Area and mean position of a boundary, from its corners alone: a fan of triangles for each face.
 fn area_and_centre(mesh: &Mesh<3>, name: &str) -> (f64, [f64; 3]) {
     let (mut area, mut centre) = (0.0, [0.0; 3]);
     for face in &mesh.boundaries[name] {
@@ -157,7 +157,7 @@ fn file(names: &str, elements: &[&str]) -> String {
 }
 
 #[test]
-fn kinds_groups_and_what_is_refused() {
+fn kinds_groups_and_refusals() {
     let read_as =
         |elements: &[&str], volume: f64, region: &str| match read_text(&file("", elements)) {
             Ok(AnyMesh::Space(mesh)) => {

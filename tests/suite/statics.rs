@@ -1,6 +1,6 @@
-//! Contact judged by statics alone: a body stands exactly if the loads on it have their resultant within the convex hull
-//! of what its boundary and the other one have in common, however the meshes cut that up. The oracles share no code with
-//! the solver: polygons are clipped here, and loads are made such that their resultants are known.
+//! Contact judged by statics alone: a body is held exactly if the resultant of the loads on it is within the convex hull of the
+//! common area of its boundary and the other one, however the meshes divide that. The oracles share no code with the solver:
+//! polygons are clipped here, and loads have known resultants.
 //!
 //! `cargo test --release --test suite -- --ignored --nocapture statics::` tries a thousand stacks (`STATICS_SEED=…` for others).
 

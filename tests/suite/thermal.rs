@@ -33,8 +33,8 @@ where
     data.unknowns.displacements(&solution.u)
 }
 
-/// Held at a corner and kept from turning, a body that is warmer by what is linear in the place, or uniform, has no stress and
-/// the displacement of that: α θ x where θ is uniform.
+/// Held at a corner and kept from rotating, a body with a linear or uniform temperature has no stress and the displacement of
+/// free expansion: α θ x where θ is uniform.
 fn expands_freely<const D: usize>(mesh: Mesh<D>, incompressible: Incompressible)
 where
     ElementKind: Space<D>,
@@ -68,7 +68,7 @@ where
     };
     let built = built.build().or_panic();
     let u = displacements(&built);
-    // In plane strain what is kept from expanding across the plane is pushed out in it.
+    // In plane strain the expansion that is prevented across the plane adds to that inside it.
     let factor = if D == 2 { 1.3 } else { 1.0 };
     for (u, x) in u.iter().zip(&built.elastic.mesh.nodes) {
         for c in 0..D {
@@ -237,13 +237,13 @@ fn parts_are_turned() {
     for (found, expected) in [low, high].iter().flatten().zip(expected.iter().flatten()) {
         assert!((found - expected).abs() < 1e-15, "{low:?} {high:?}");
     }
-    // What looked along x looks along y.
+    // The normal along x is along y after the rotation.
     let facet = built.elastic.mesh.boundaries["a-right"][0];
     assert!((built.elastic.mesh.facet_normal(&facet).1[1] - 1.0).abs() < 1e-15);
 }
 
 #[test]
-fn what_is_wrong_with_warmth_and_turns_is_told() {
+fn faults_of_temperatures_and_rotations_are_reported() {
     let read = |analysis: &str, rest: &str| {
         let text = format!(
             "[mesh.rectangle]\nsize = [1, 1]\ncells = [1, 1]\n[analysis]\n{analysis}\n\

@@ -25,7 +25,7 @@ fn field<const D: usize>(
 }
 
 /// Bodies whose outer sides move by a gradient G: a linear field everywhere, in compression, tension and shear. It is the answer
-/// of all elements, and the tie must not see that their nodes do not meet.
+/// of all elements, and non-matching nodes of the tie must not change it.
 fn patch<const D: usize>(mesh: &Mesh<D>, tie: &Pair<D>, hold: impl Fn(Gradient) -> Support<D>)
 where
     ElementKind: Space<D>,
@@ -125,7 +125,8 @@ fn patch_in_space() {
     }
 }
 
-/// Two halves with nodes that meet, tied, are the whole: to the last digits, a body held by the tie alone, pulled and bent.
+/// Two halves with matching nodes, tied, equal the whole: to the last digits, for a body held by the tie alone, pulled and
+/// bent.
 #[test]
 fn halves_with_nodes_that_meet_are_the_whole() {
     let load = |model: Model, top: &str| {
@@ -168,7 +169,7 @@ fn halves_with_nodes_that_meet_are_the_whole() {
             assert!(apart < 1e-9 * 1e-3, "{x:?}: {apart:e}");
         }
         assert!(size > 1e-5);
-        // What the tie carries is the load: 2 (1e7 · 0.7) up, 8e6 along; and its moment.
+        // The tie carries the load: 2 (1e7 · 0.7) up, 8e6 along; and its moment.
         let (force, moment) = resultants(&found);
         assert!(
             (force[1] + 1.4e7).abs() < 1e-2 && (force[0] + 8e6).abs() < 1e-2,
@@ -236,7 +237,7 @@ fn beside_contact_with_friction() {
 }
 
 #[test]
-fn what_cannot_be_tied_is_refused() {
+fn impossible_ties_are_refused() {
     let model = |apart: f64| {
         let mesh = stacked(1.0 + apart, [5, 4]);
         Model::on(mesh)
@@ -270,9 +271,10 @@ fn what_cannot_be_tied_is_refused() {
     assert!(error.to_string().contains("sides of the tie"), "{error}");
 }
 
-/// Of a tie that is too far its own key is named; tied places are told as such, and so is what holds a body.
+/// If the sides of a tie are too far apart, its own key is named; tied places are reported as such, and so is the tie
+/// that holds a body.
 #[test]
-fn ties_are_told_as_ties() {
+fn ties_are_reported_as_ties() {
     let case_with = |gap: f64, more: &str| {
         case(&format!(
             "[[mesh.part]]\nname = \"a\"\nrectangle = {{ size = [1, 1], cells = [2, 2] }}\n\

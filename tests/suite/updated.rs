@@ -1,4 +1,5 @@
-//! Engines that go on with another problem: they give what engines made for it would, and make no more than they must.
+//! Engines that switch to another problem: they give the same results as new engines, and set up no more than
+//! necessary.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::{Obstacle, Space};
@@ -43,7 +44,7 @@ where
     model.build().or_panic().problem
 }
 
-/// That in the plane, on a floor whose slope is given.
+/// The one in the plane, on a floor with the given slope.
 pub fn plane(cells: [usize; 2], young: [f64; 2], slope: f64) -> ContactProblem {
     let mesh = rectangle([0.0; 2], [3.0, 1.0], cells, CellShape::Quad, "body", "");
     let floor = Obstacle::HalfSpace {
@@ -86,7 +87,7 @@ pub fn check<const D: usize>(
     let first = made([1e5, 1e5], 0.0);
     let mut kept = engine(&first);
     solved(&first, &mut kept);
-    // Up to `more` iterations than with a hierarchy of its own: aggregates are those of the ties that there were.
+    // Up to `more` iterations than with its own hierarchy: aggregates are those of the earlier ties.
     let beside = |problem: &ContactProblem<D>, kept: &mut Engine, more: usize, what: &str| {
         kept.update(problem).or_panic();
         let mut fresh = engine(problem);
@@ -121,7 +122,7 @@ pub fn check<const D: usize>(
         "{:?}",
         kept.set_ups()
     );
-    // Other rows on the K that is there; the load of gravity and supports alike.
+    // Other rows on the present K; the load of gravity and supports alike.
     let last = made([1e5, 3e6], 0.0);
     kept.update(&last).or_panic();
     let other = made([1e5, 3e6], 1e-4);
@@ -143,7 +144,7 @@ pub fn check<const D: usize>(
 }
 
 #[test]
-fn an_engine_goes_on_with_another_problem() {
+fn an_engine_switches_to_another_problem() {
     for (stiffness, cells) in [(Stiffness::Cholesky, 12), (Stiffness::Pcg, 40)] {
         let options = EngineOptions {
             place: Device::Cpu,
@@ -159,9 +160,10 @@ fn an_engine_goes_on_with_another_problem() {
     }
 }
 
-/// What does not fit is made anew, and what cannot be made leaves an engine that fits nothing until an update succeeds.
+/// Parts that do not fit are set up again, and a failed set-up leaves an engine that fits nothing until an update
+/// succeeds.
 #[test]
-fn what_does_not_fit_is_made_anew() {
+fn parts_that_do_not_fit_are_set_up_again() {
     for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
         let options = EngineOptions {
             place: Device::Cpu,

@@ -66,7 +66,7 @@ fn taylor_patch_test() {
     }
 }
 
-/// The interface may lie at any angle.
+/// The interface may be at any angle.
 #[test]
 fn patch_test_on_an_inclined_interface() {
     // A square cut along y = 0.4 + 0.3 x.
@@ -93,7 +93,7 @@ fn inclined(text: &str) {
     }
 }
 
-/// A block that hangs over: the covered part of an edge carries what lies on it, and forces balance.
+/// A block that hangs over: the covered part of an edge carries the load on it, and forces balance.
 #[test]
 fn partly_covered_edges_transfer_all_force() {
     for order in [1, 2] {
@@ -292,7 +292,7 @@ fn hertz_errors(cells: usize, sides: &str) -> (f64, f64) {
     (a / 6.2146 - 1.0, p0 / 3585.36 - 1.0)
 }
 
-/// From an eighth to the full resolution the error falls to what p₀/E = 5 % makes of the linear theory.
+/// From an eighth to the full resolution the error falls to the deviation from linear theory at p₀/E = 5 %.
 #[test]
 fn hertz_converges_with_h() {
     for sides in [ON_THE_PLATE, ON_THE_DISC] {
@@ -503,7 +503,7 @@ fn cattaneo_mindlin() {
         let top = fields.pressure.iter().copied().fold(0.0, f64::max);
         compare(&format!("Cattaneo, {law}, p₀"), top, 9.35135, 0.015);
         compare(&format!("Cattaneo, {law}, p_t(0)"), at(0.0), 0.506229, 0.02);
-        // In the stick zone what is left of the bound is half an ellipse of width c.
+        // In the stick zone the rest of the bound is half an ellipse of width c.
         let (edge, _) = half_ellipse(
             (0..fields.traction.len())
                 .filter(|&i| solved.place(i)[0].abs() < 0.9 * c)

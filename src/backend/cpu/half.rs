@@ -1,4 +1,4 @@
-//! Large symmetric matrices on the CPU by the half of their blocks: a product is bound by what it reads.
+//! Large symmetric matrices on the CPU, stored as half of their blocks: memory reads bound the time of a product.
 
 use crate::sparse::stored::{BlockMatrix, Real};
 use crate::sparse::vectorised;
@@ -14,8 +14,8 @@ const MOST_SUMS: usize = 2;
 
 /// A symmetric matrix by its blocks on and above the diagonal.
 ///
-/// A task adds up what its rows give to all rows, from its first one on to the last that they reach. A row is then the
-/// sum over tasks, in their order: threads do not change it.
+/// A task adds up the contributions of its rows to all rows, from its first one to the last that they reach. A row is
+/// then the sum over tasks, in their order, so that the number of threads does not change it.
 #[derive(Debug)]
 pub struct Half<S> {
     upper: BlockMatrix<S>,
@@ -29,23 +29,23 @@ struct Task {
     first: usize,
     /// After the last row they reach.
     end: usize,
-    /// Where the sums of this task begin among those of all, in blocks.
+    /// The start of this task's sums among those of all, in blocks.
     start: usize,
     /// The first task that reaches these rows.
     from: usize,
 }
 
-/// What a level smooths with.
+/// The matrix that a level smooths with.
 #[derive(Debug)]
 pub enum LevelMatrix<S> {
     /// All blocks.
     Full(BlockMatrix<S>),
-    /// Half of them.
+    /// Half of its blocks.
     Half(Half<S>),
 }
 
 impl<S: Real> LevelMatrix<S> {
-    /// By half where that pays: where the matrix is large, and its rows reach those that are numbered near them.
+    /// By half where that pays: if the matrix is large, and its rows couple only to rows with near numbers.
     pub fn symmetric(matrix: BlockMatrix<S>) -> Self {
         match tasks(&matrix) {
             Some(tasks) => {

@@ -1,7 +1,7 @@
 //! The kernels of the multigrid levels on the CPU, in f32 or f64.
 //!
-//! They run with all vector instructions that the processor has (`vectorised!`). Sums are made in an order that is
-//! written down here, so that no processor changes them.
+//! They use all vector instructions of the processor (`vectorised!`). The order of sums is fixed here, so that no
+//! processor changes them.
 
 use super::half::LevelMatrix;
 use crate::backend::{BackendError, Product};
@@ -43,7 +43,7 @@ macro_rules! with_any_shape {
     };
 }
 
-/// Refuses what [`with_any_shape`] has no kernel for.
+/// Refuses shapes without a kernel in [`with_any_shape`].
 pub(super) fn check_shape(block: [usize; 2]) -> Result<(), BackendError> {
     match block {
         [2 | 3, 2 | 3] | [3 | 6, 6] | [6, 3] => Ok(()),
@@ -394,7 +394,7 @@ mod tests {
     #[test]
     fn dense_by_hand() {
         let n = 19;
-        // Row i is i, 2i, 3i …; against ones that is i n(n + 1)/2.
+        // Row i is i, 2i, 3i …; times ones this is i n(n + 1)/2.
         let values = (0..n * n).map(|k| ((k / n) * (k % n + 1)) as f64);
         let m = Dense::new(n, values.collect());
         let mut x = vec![0.0; n];

@@ -107,11 +107,11 @@ pub struct Rows {
     pub(super) parts: Vec<RowsPart>,
 }
 
-/// The scalars of a CG run and the partial sums that they are made of.
+/// The scalars of a CG run and their partial sums.
 pub struct State {
-    /// What the iterations and their first halves read.
+    /// The scalars that the iterations and their first halves read.
     pub(super) current: Handle,
-    /// What the preconditioner and the second halves read.
+    /// The scalars that the preconditioner and the second halves read.
     pub(super) next: Handle,
     pub(super) goals: Handle,
     pub(super) partials: Handle,

@@ -1,4 +1,4 @@
-//! Buffers on the device, and what they are filled with.
+//! Buffers on the device, and their contents.
 
 use super::context::{Buffer, Context};
 use super::{Gpu, PIECE_BYTES};
@@ -6,12 +6,12 @@ use crate::backend::{BackendError, Precision};
 use std::sync::{Arc, Mutex};
 use wgpu::BufferUsages;
 
-/// A buffer on the device, with a number of its own by which bind groups are found again.
+/// A buffer on the device, with its own number as the key of its bind groups.
 pub(super) struct Allocation {
     pub id: u64,
     pub buffer: Buffer,
     pub context: Arc<Context>,
-    /// Numbers of buffers that are gone, whose bind groups go too.
+    /// Numbers of dropped buffers, whose bind groups are dropped too.
     pub gone: Arc<Mutex<Vec<u64>>>,
 }
 

@@ -1,4 +1,4 @@
-//! Adapters and devices: which there are, which one is taken and why, and what goes wrong with them.
+//! Adapters and devices: the list, the choice with its reason, and their errors.
 
 use super::kernels::{Kernels, WIDTH};
 use crate::backend::{BackendError, GpuOptions, Precision};
@@ -9,15 +9,15 @@ use std::sync::{Arc, Mutex, MutexGuard};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// There is none that fits.
+    /// No adapter fits.
     #[error("{0}")]
     NoAdapter(String),
-    /// The one asked for lacks what kernels need.
+    /// The requested adapter lacks a feature that kernels need.
     #[error("the adapter \"{adapter}\" cannot be used: {reason}")]
     Unsuitable {
         /// Its name.
         adapter: String,
-        /// What it lacks.
+        /// The missing feature.
         reason: String,
     },
     /// The driver refused.
@@ -36,7 +36,7 @@ pub enum GpuError {
 /// One adapter, with the limits and features that matter here.
 #[derive(Clone, Debug)]
 pub struct AdapterSummary {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Its driver with its version.
     pub driver: String,
@@ -56,9 +56,9 @@ pub struct AdapterSummary {
     pub max_binding: u64,
     /// Bytes of one buffer.
     pub max_buffer: u64,
-    /// Bytes of its own (or shared) memory, where the driver reports them.
+    /// Bytes of its own (or shared) memory, if the driver reports them.
     pub memory: Option<u64>,
-    /// Why it cannot be used, if so.
+    /// The reason why it cannot be used, if any.
     pub unsuitable: Option<String>,
 }
 
@@ -79,7 +79,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
     all.into_iter().map(|(_, s)| s).collect()
 }
 
-/// The adapters of some interfaces, as far as the environment allows these.
+/// The adapters of some interfaces, as far as the environment permits.
 fn sorted_adapters(interfaces: wgpu::Backends) -> Vec<(wgpu::Adapter, AdapterSummary)> {
     let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     description.backends &= interfaces;
@@ -180,7 +180,7 @@ fn memory(_adapter: &wgpu::Adapter) -> Option<u64> {
     None
 }
 
-/// What went wrong on the device and has not been reported yet.
+/// An error of the device that has not been reported yet.
 type Fault = Arc<Mutex<Option<BackendError>>>;
 
 /// A device with its compiled kernels; shared by all that computes on it.
@@ -195,9 +195,9 @@ pub struct Context {
     max_binding: u64,
     /// The adapter taken.
     pub adapter: AdapterSummary,
-    /// Why this one.
+    /// The reason for this choice.
     pub reason: String,
-    /// What the kernels compute in.
+    /// The precision of the kernels.
     pub precision: Precision,
 }
 
@@ -214,7 +214,8 @@ impl Context {
             Some(Precision::F64) if !summary.f64 => {
                 return Err(GpuError::Unsuitable {
                     adapter: name,
-                    reason: "it has no f64 in its kernels (the feature SHADER_F64)".to_owned(),
+                    reason: "it does not support f64 in kernels (the feature SHADER_F64)"
+                        .to_owned(),
                 });
             }
             Some(precision) => precision,
@@ -280,7 +281,7 @@ impl Context {
         Ok(Arc::new(context))
     }
 
-    /// What has gone wrong since the last call, if anything.
+    /// The error since the last call, if any.
     pub(super) fn check(&self) -> Result<(), BackendError> {
         match &*lock(&self.fault) {
             // A fault stays: nothing computed after it can be trusted.
@@ -305,7 +306,7 @@ impl Context {
         if self.adapter.is_software { 32 } else { 1024 }
     }
 
-    /// Refuses what the adapter's memory cannot hold beside what is allocated already.
+    /// Refuses data that exceed the adapter's memory beside existing allocations.
     pub fn check_memory(&self, what: &'static str, bytes: u64) -> Result<(), BackendError> {
         let needed = *lock(&self.allocated) + bytes;
         match self.adapter.memory {
@@ -337,7 +338,7 @@ impl Context {
                 offered_mib: self.device.limits().max_buffer_size >> 20,
             });
         }
-        // Parameters are some bytes, and a dispatch that has no room for them could not say so.
+        // Parameters are a few bytes, and a dispatch without room for them could not report it.
         if !usage.contains(wgpu::BufferUsages::UNIFORM) {
             self.check_memory(label, size)?;
         }
@@ -358,17 +359,17 @@ impl Context {
         *allocated = allocated.saturating_sub(bytes);
     }
 
-    /// Loses the device on purpose, as a driver fault would: for tests of what happens then.
+    /// Loses the device on purpose, as a driver fault would, for tests of the recovery.
     pub fn lose_device(&self) {
         self.device.destroy();
     }
 
-    /// As [`Context::lose_device`], after this many more submissions.
+    /// Like [`Context::lose_device`], after this many more submissions.
     pub fn lose_device_after(&self, submissions: usize) {
         *lock(&self.left) = Some(submissions);
     }
 
-    /// Something is about to be submitted.
+    /// Called before each submission.
     pub(super) fn submitting(&self) {
         let mut left = lock(&self.left);
         match &mut *left {
@@ -389,7 +390,7 @@ pub(super) struct Buffer {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What it guards is valid whenever it can be seen: a panic elsewhere does not matter.
+    // The guarded value is always valid when it is visible, so a panic elsewhere does not matter.
     mutex
         .lock()
         .unwrap_or_else(std::sync::PoisonError::into_inner)
@@ -435,7 +436,7 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
                     GpuError::NoAdapter(format!(
                         "no adapter has \"{wanted}\" in its name{}; there are:{}",
                         if by_variable {
-                            " (asked for by the variable WGPU_ADAPTER_NAME)"
+                            " (requested by the variable WGPU_ADAPTER_NAME)"
                         } else {
                             ""
                         },
@@ -458,12 +459,12 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
     }
     if options.hardware_only && summary.is_software {
         return Err(GpuError::NoAdapter(
-            "there is only a software adapter, which is used when a GPU is asked for".to_owned(),
+            "the only adapter is a software one, which is used when a GPU is requested".to_owned(),
         ));
     }
     let reason = match (&wanted, by_variable, count) {
-        (Some(_), false, _) => "asked for by name or number".to_owned(),
-        (Some(_), true, _) => "asked for by the variable WGPU_ADAPTER_NAME".to_owned(),
+        (Some(_), false, _) => "requested by name or number".to_owned(),
+        (Some(_), true, _) => "requested by the variable WGPU_ADAPTER_NAME".to_owned(),
         (None, _, 1) => "the only adapter".to_owned(),
         (None, _, _) => {
             format!("first of {count}: a real GPU before a software one, f64 before f32")

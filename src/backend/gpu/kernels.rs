@@ -1,6 +1,6 @@
-//! The kernels: their texts, how they are put together, and the pipelines made of them.
+//! The kernels: their texts, the composition of these, and their pipelines.
 //!
-//! A text stands once; what depends on the shape of the blocks or on the precision is written before it: the types,
+//! Each text exists once; a head that depends on the shape of the blocks and on the precision precedes it: the types,
 //! the loads of a block, and the flags.
 
 use super::layout::SLICE;
@@ -21,7 +21,7 @@ pub(super) mod flag {
     pub const WRITES_STATE: u32 = 16;
     pub const CONTINUES: u32 = 32;
     pub const FIRST: u32 = 64;
-    /// As the kernels know them.
+    /// The same numbers as in the kernels.
     pub const ALL: [(&str, u32); 7] = [
         ("ADD", ADD),
         ("NEGATE", NEGATE),
@@ -35,7 +35,7 @@ pub(super) mod flag {
 
 const SMOOTHER: &str = include_str!("../../../shaders/shared/smoother.wgsl");
 
-/// What a matrix is stored in.
+/// The number type of a stored matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Scalar {
     /// The real numbers of the precision: K.
@@ -65,7 +65,7 @@ impl Shape {
         }
     }
 
-    /// Entries of a block that are loaded at once, where that is possible: 16 bytes.
+    /// Entries of a block that are loaded at once, if possible: 16 bytes.
     pub fn group(self, scalar: Scalar, precision: Precision) -> usize {
         match (self.rows * self.columns, scalar, precision) {
             (4, Scalar::Real, Precision::F64) => 2,
@@ -132,7 +132,7 @@ impl Kernel {
         }
     }
 
-    /// What it needs to know of the shape of the blocks.
+    /// Its declarations for the shape of the blocks.
     fn generated(self, precision: Precision) -> String {
         match self {
             Self::Multiply(scalar, shape) => {
@@ -227,7 +227,7 @@ fn types(shape: Shape, scalar: Scalar) -> String {
 }
 
 /// (M x) at a block row of a part, for M in slices of 32 block rows, column by column inside a slice; `group` entries
-/// of a block stand side by side.
+/// of a block are adjacent.
 fn product(shape: Shape, group: usize) -> String {
     let Shape { rows, columns } = shape;
     let groups = rows * columns / group;
@@ -343,7 +343,7 @@ fn store(name: &str, size: usize) -> String {
     format!("fn store_{name}(i: u32, v: Out) {{\n{body}}}\n")
 }
 
-/// The pipelines in one precision: those that every run needs from the start, the others when they are first asked for.
+/// The pipelines in one precision: those for every run from the start, the others on first use.
 pub(super) struct Kernels {
     device: wgpu::Device,
     precision: Precision,
@@ -388,9 +388,9 @@ fn pipeline(
     let module = if checked {
         device.create_shader_module(description)
     } else {
-        // SAFETY: the indices come from matrices whose constructors check them, vectors are compared with them
-        // before a dispatch, every loop ends after a number of steps that the host has set, and the tests run the
-        // same kernels with all checks on.
+        // SAFETY: the indices come from matrices whose constructors check them, vectors are compared with them before a
+        // dispatch, the host sets the number of steps of every loop, and the tests run the same kernels with all checks
+        // on.
         unsafe {
             device.create_shader_module_trusted(description, wgpu::ShaderRuntimeChecks::unchecked())
         }
@@ -458,9 +458,9 @@ mod tests {
         }
     }
 
-    /// What is bound twice in a dispatch must only be read, and no kernel may use more buffers than asked of an adapter.
+    /// A buffer bound twice in a dispatch is only read, and no kernel uses more buffers than an adapter must have.
     #[test]
-    fn bindings_are_what_the_host_takes_them_for() {
+    fn bindings_agree_with_the_host() {
         for kernel in all() {
             let (module, _) = parsed(kernel, Precision::F64);
             let mut storage: Vec<(u32, String, bool)> = Vec::new();
@@ -503,7 +503,7 @@ mod tests {
         }
     }
 
-    /// Structures that stand in Rust and in WGSL agree, member by member.
+    /// Structures defined both in Rust and in WGSL agree, member by member.
     #[test]
     fn structures_are_laid_out_as_the_host_has_them() {
         let members = |precision, name: &str| -> Vec<(String, u32)> {

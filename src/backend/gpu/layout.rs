@@ -1,5 +1,5 @@
-//! How vectors and matrices are cut and laid out: segments of vectors, and sliced block-ELL: slices of 32 block
-//! rows, padded to their longest row, column by column, cut into parts that fit into one binding.
+//! The division and layout of vectors and matrices: segments of vectors, and sliced block-ELL: slices of 32 block rows,
+//! padded to their longest row, column by column, cut into parts that fit into one binding.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,20 +21,20 @@ pub(super) fn segments(len: usize, max_binding: u64) -> Vec<Range<usize>> {
         .collect()
 }
 
-/// A matrix in compressed block rows, as it is to be laid out.
+/// A matrix in compressed block rows, as input to the layout.
 pub(super) struct Source<'a, S> {
     /// Rows and columns of a block.
     pub block: [usize; 2],
     pub n_block_rows: usize,
     pub n_block_cols: usize,
-    /// Where a block row starts among the blocks.
+    /// The start of a block row among the blocks.
     pub start: &'a (dyn Fn(usize) -> usize + Sync),
     pub col_idx: &'a [u32],
     pub values: &'a [S],
 }
 
 impl<S: Sync> Source<'_, S> {
-    /// The blocks of a row whose columns lie in a range.
+    /// The blocks of a row whose columns are in a range.
     fn row(&self, i: usize, columns: &Range<usize>) -> Range<usize> {
         let first = (self.start)(i);
         let cols = &self.col_idx[first..(self.start)(i + 1)];
@@ -65,14 +65,14 @@ impl Part {
         self.slices.last().copied().unwrap_or(0).into()
     }
 
-    /// Where the columns start in the structure, behind the slices.
+    /// The start of the columns in the structure, after the slices.
     pub fn columns_start(&self) -> usize {
         self.slices.len()
     }
 
     /// Slices and columns in one array, and the values of all slots, made by `value`; padding points at column 0 with
-    /// the value 0. `group` entries of a block stand side by side, to be loaded at once; the same group of the 32
-    /// blocks of a column follow each other.
+    /// the value 0. `group` entries of a block are adjacent, to be loaded at once; the same groups of the 32 blocks of
+    /// a column follow each other.
     pub fn fill<S: Copy + Sync, V: Copy + Default + Send>(
         &self,
         source: &Source<S>,
@@ -112,7 +112,7 @@ impl Part {
         scalar_bytes: u64,
     ) -> Option<Vec<Self>> {
         let block = (source.block[0] * source.block[1]) as u64;
-        // Slices stand before the columns, and places of values are 32 bits.
+        // Slices precede the columns, and positions of values are 32 bits.
         let room = max_binding.saturating_sub(source.n_block_rows as u64 / 8 + 8) / 4;
         let most = room
             .min(max_binding / (scalar_bytes * block))

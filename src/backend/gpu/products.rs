@@ -1,4 +1,4 @@
-//! The dispatches of products with matrices in blocks, and of the smoothing steps made of them.
+//! The dispatches of products with matrices in blocks, and of smoothing steps.
 
 use super::arrays::{Blocks, LevelDiagonal, State, Vector};
 use super::buffers::Handle;
@@ -6,7 +6,7 @@ use super::kernels::{Kernel, flag};
 use super::{Gpu, Params};
 
 impl Gpu {
-    /// The dispatches of a product y = M x, with `flags` on what else becomes of it.
+    /// The dispatches of a product y = M x; `flags` select the further use of y.
     pub(super) fn product(
         &mut self,
         m: &Blocks,
@@ -52,7 +52,7 @@ impl Gpu {
         }
     }
 
-    /// The dispatches of a smoothing step from a residual that stands in `x_next`, or of the first one.
+    /// The dispatches of a smoothing step from a residual in `x_next`, or of the first one.
     #[allow(clippy::too_many_arguments, reason = "one fused pass over this data")]
     pub(super) fn smooth_by_diagonal(
         &mut self,

@@ -22,7 +22,7 @@ pub(super) struct Wanted<'a> {
     pub bytes: u64,
 }
 
-/// What is recorded.
+/// A recorded command.
 pub(super) enum Command {
     Dispatch {
         pipeline: wgpu::ComputePipeline,
@@ -34,7 +34,7 @@ pub(super) enum Command {
 }
 
 impl Gpu {
-    /// Forgets the bind groups of buffers that are gone: they would be kept alive by nothing else.
+    /// Drops the bind groups of dropped buffers, which nothing else keeps alive.
     fn forget(&mut self) {
         if self.uniforms.len() > MOST_UNIFORMS {
             self.uniforms.clear();
@@ -64,7 +64,7 @@ impl Gpu {
         Ok(handle)
     }
 
-    /// Records a kernel. `bytes` is what it moves, more or less.
+    /// Records a kernel. `bytes` is roughly its memory traffic.
     pub(super) fn dispatch(
         &mut self,
         kernel: Kernel,
@@ -112,14 +112,14 @@ impl Gpu {
             groups,
         });
         self.recorded_bytes += bytes;
-        // Seconds far below two even at a tenth of the bandwidth that such a device has.
+        // Far below two seconds even at a tenth of the bandwidth of such a device.
         let most = if context.adapter.is_software { 1 } else { 4 } << 30;
         if self.recorded_bytes > most {
             self.submit(None);
         }
     }
 
-    /// Hands the recorded commands to the device, with copies to the host at the end.
+    /// Submits the recorded commands to the device, with copies to the host at the end.
     pub(super) fn submit(&mut self, copies: Option<(&Handle, &[Wanted])>) {
         if self.commands.is_empty() && copies.is_none() {
             return;
@@ -172,7 +172,7 @@ impl Gpu {
         self.recorded_start = false;
         self.in_flight.push_back(index);
         if self.in_flight.len() > IN_FLIGHT {
-            // Waiting bounds the memory of what is under way; a fault shows where results are read.
+            // Waiting bounds the memory of pending work; a fault appears where results are read.
             let _ = context.device.poll(wgpu::PollType::Wait {
                 submission_index: self.in_flight.pop_front(),
                 timeout: None,
@@ -180,7 +180,7 @@ impl Gpu {
         }
     }
 
-    /// The buffer for what the host reads, of at least this many bytes.
+    /// The buffer for data that the host reads, of at least this many bytes.
     fn staging_of(&mut self, bytes: u64) -> Result<Handle, BackendError> {
         match self.staging.take() {
             Some(staging) if staging.buffer.size >= bytes => Ok(staging),
@@ -191,14 +191,14 @@ impl Gpu {
         }
     }
 
-    /// Makes room for reading vectors of this many unknowns, before multigrid takes what is left.
+    /// Makes room for reading vectors of this many unknowns, before multigrid takes the rest.
     pub(super) fn reserve_staging(&mut self, len: usize) -> Result<(), BackendError> {
         let bytes = (len as u64 * self.real_bytes()).clamp(STATE_BYTES, PIECE_BYTES);
         self.staging = Some(self.staging_of(bytes)?);
         Ok(())
     }
 
-    /// Submits all work, waits for it, and hands the wanted bytes, one after the other, to `take`.
+    /// Submits all work, waits for it, and passes the wanted bytes, one after the other, to `take`.
     pub(super) fn read(
         &mut self,
         sources: &[Wanted],
@@ -213,7 +213,7 @@ impl Gpu {
         let slice = staging.buffer.buffer.slice(0..bytes);
         let (sender, receiver) = mpsc::channel();
         slice.map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody listens any more only if the wait below has failed.
+            // The receiver is gone only if the wait below has failed.
             let _ = sender.send(result);
         });
         let polled = self.context.wait();
@@ -238,10 +238,10 @@ impl Gpu {
         Ok(())
     }
 
-    /// Sets the goals of the run that is about to be recorded.
+    /// Sets the goals of the run to be recorded next.
     pub(super) fn write_goals(&mut self, state: &State, run: Run) {
         if self.recorded_start {
-            // Those of the one before must not be overwritten until they have been used.
+            // The parameters before must not be overwritten until they have been used.
             self.submit(None);
         }
         self.recorded_start = true;

@@ -1,4 +1,5 @@
-//! `mpirun signorini solve`: the same on several ranks. Rank 0 reads, tells, and writes all but the pieces of the others.
+//! `mpirun signorini solve`: the same on several ranks. Rank 0 reads, reports, and writes everything except the pieces of
+//! the others.
 
 use super::log::Log;
 use super::{INTERRUPTED, READ, hear_interrupts, output_directory, summary};
@@ -16,7 +17,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Solves on all ranks; the exit code. An error is told on rank 0 alone, the others only have its code.
+/// Solves on all ranks; the exit code. Only rank 0 reports an error, the others have its code.
 pub fn run(arguments: &SolveArguments, group: &Arc<Group>) -> Result<u8, String> {
     let is_root = group.rank() == 0;
     let start = Instant::now();
@@ -76,7 +77,7 @@ pub fn run(arguments: &SolveArguments, group: &Arc<Group>) -> Result<u8, String>
     }
 }
 
-/// What a case is about.
+/// The subject of a case.
 #[derive(Clone, Copy, serde::Serialize, serde::Deserialize)]
 enum Kind {
     None,
@@ -93,7 +94,7 @@ fn told(is_root: bool, message: String) -> Result<u8, String> {
     }
 }
 
-/// What several ranks cannot do.
+/// A request that several ranks cannot fulfil.
 fn refused(arguments: &SolveArguments) -> Option<String> {
     let EngineArguments {
         backend, stiffness, ..
@@ -114,14 +115,14 @@ fn refused(arguments: &SolveArguments) -> Option<String> {
     })
 }
 
-/// Reads the case and withdraws what tells how the run before has ended.
+/// Reads the case and removes the status of the run before.
 fn read(arguments: &SolveArguments, output: &Path) -> Result<Case, String> {
     let read =
         super::super::read_case(&arguments.case, &arguments.deck.ignore, &arguments.settings);
     let case = match read {
         Ok((case, _)) => case,
         Err(message) => {
-            // The case comes first in what the user has to mend.
+            // Errors in the case come first, because the user has to fix them first.
             let _ = withdraw(output, std::slice::from_ref(&arguments.case));
             return Err(message);
         }
@@ -145,7 +146,7 @@ impl Run<'_> {
         self.group.rank() == 0
     }
 
-    /// An error, with what all others know of it: nothing, where it is of this rank alone, and all are ended.
+    /// An error, after agreeing on it with the other ranks: an error of this rank alone ends all of them.
     fn failed(&self, error: MpiError) -> Result<u8, String> {
         let is_of_one_rank = error.is_of_one_rank();
         let message = match error {
@@ -169,7 +170,7 @@ impl Run<'_> {
         }
     }
 
-    /// Solves, writes and tells; the exit code.
+    /// Solves, writes and reports; the exit code.
     fn make<const D: usize>(&self, mut share: Share<D>) -> Result<u8, String>
     where
         ElementKind: Space<D>,
@@ -218,7 +219,7 @@ impl Run<'_> {
         Ok(status)
     }
 
-    /// How the work is shared, and what applies K⁻¹.
+    /// The distribution of the work, and the operator for K⁻¹.
     fn introduce<const D: usize>(&self, share: &Share<D>)
     where
         ElementKind: Space<D>,
@@ -226,7 +227,7 @@ impl Run<'_> {
         let (log, division) = (self.log, share.division());
         let (about, fallback) = share.about();
         log.tell(&format!(
-            "{} ranks: n = {}, m = {}; the fullest rank has {:.3} times the mean",
+            "{} ranks: n = {}, m = {}; the largest share is {:.3} times the mean",
             self.group.size(),
             share.system().n_free(),
             share.system().m(),
@@ -249,7 +250,7 @@ impl Run<'_> {
     fn unwritten(&self, error: ResultsError) -> Result<u8, String> {
         match error {
             ResultsError::Petsc(error) => self.group.abort(&error.to_string(), ERROR.into()),
-            // Whoever has the error tells it.
+            // The rank with the error reports it.
             ResultsError::Elsewhere => Ok(ERROR),
             error => Err(message_of(&error)),
         }
@@ -278,7 +279,7 @@ impl Run<'_> {
     }
 }
 
-/// Why a run has not come to its end.
+/// The reason why a run has not come to its end.
 enum Ended {
     Solve(MpiError),
     Results(ResultsError),

@@ -11,7 +11,7 @@ use signorini::ssnm::{SlipSizes, Step};
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
 
-/// Who hears how much.
+/// The amount of output.
 #[derive(Clone, Copy)]
 pub struct Log {
     quiet: bool,
@@ -62,7 +62,7 @@ impl Log {
         }
     }
 
-    /// Of one of several ranks, of which one speaks.
+    /// For one of several ranks, only one of which writes.
     #[cfg(feature = "mpi")]
     pub fn of_rank(arguments: &SolveArguments, speaks: bool) -> Self {
         let log = Self::new(arguments);
@@ -72,7 +72,7 @@ impl Log {
         }
     }
 
-    /// What the user should know without asking.
+    /// A line for every user.
     pub fn tell(&self, line: &str) {
         if !self.quiet {
             eprintln!("{line}");
@@ -86,7 +86,7 @@ impl Log {
         }
     }
 
-    /// What solves the systems with K, with -v.
+    /// The solver of the systems with K, with -v.
     pub fn engine(&self, engine: &Engine, seconds: f64) {
         match engine.cholesky() {
             Some(dual) => self.say(format_args!(
@@ -108,14 +108,14 @@ impl Log {
         }
     }
 
-    /// What the systems with K have cost, with -v.
+    /// The costs of the systems with K, with -v.
     pub fn costs(&self, engine: &Engine) {
         if let Some(costs) = engine.costs() {
             self.say(format_args!("{}", describe(&costs)));
         }
     }
 
-    /// Tells of load steps as they are made, and hands on what has ended; they go on until that fails.
+    /// Reports load steps as they are made, and passes on finished ones; they continue until that fails.
     pub fn observer<const D: usize, E>(
         self,
         n_steps: usize,
@@ -150,7 +150,7 @@ impl Log {
         }
     }
 
-    /// One line that is written over on a terminal, and one after the other elsewhere.
+    /// One line that is overwritten on a terminal, and separate lines elsewhere.
     fn step(&self, step: &Step) {
         if self.quiet {
             return;
@@ -179,14 +179,14 @@ impl Log {
         let cost = format!("{} steps, {} products", info.iter, info.n_a);
         if round.frozen {
             eprintln!(
-                "solve {k}: slip bounds frozen, in the end off by {:.2e}; {cost}",
+                "solve {k}: frozen slip bounds, off by {:.2e} at the end; {cost}",
                 round.friction_change
             );
         } else if round.on_springs {
-            eprintln!("solve {k}: bodies that only contact holds on weak springs; {cost}");
+            eprintln!("solve {k}: weak springs under bodies that only contact holds; {cost}");
         } else {
             eprintln!(
-                "solve {k}: monolithic steps do not get on, least err {:.2e}; {cost}",
+                "solve {k}: monolithic steps make no progress, least err {:.2e}; {cost}",
                 info.err_relative
             );
         }
@@ -213,7 +213,7 @@ impl Log {
     }
 }
 
-/// What the systems with K have cost.
+/// The costs of the systems with K.
 pub fn describe(costs: &Costs) -> String {
     let Costs { solves, device } = costs;
     let mut text = format!(

@@ -5,14 +5,14 @@ use signorini::output::{ContactReport, Report, StepReport};
 use signorini::ssnm::{SetSizes, Status};
 use std::path::PathBuf;
 
-/// All of it.
+/// The whole summary.
 pub fn text(report: &Report, files: &[PathBuf]) -> String {
     let mut lines = vec![describe(report.status).to_owned()];
     let last = report.steps.last();
     for one in last.iter().flat_map(|step| &step.not_held) {
         let why = match one.proven {
             true => "no forces within the friction law balance it",
-            false => "forces that balance it exist, but contact and friction do not come to them",
+            false => "balancing forces exist, but contact and friction do not reach them",
         };
         lines.push(format!(
             "  {} {}: {why}; add a [[support]], friction, or change the load",
@@ -49,7 +49,7 @@ fn describe(status: Option<Status>) -> &'static str {
             "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
         }
         Status::Stagnated => {
-            "NOT converged: no progress any more; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
+            "NOT converged: progress has stopped; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
         }
         Status::NotHeld => {
             "NOT converged: contact and friction do not hold every body under this load"
@@ -57,15 +57,18 @@ fn describe(status: Option<Status>) -> &'static str {
         Status::TimeLimit => "NOT converged: the time limit is reached (solver.time_limit)",
         Status::Interrupted => "NOT converged: interrupted",
         Status::Unstable => {
-            "UNSTABLE: in balance, but the least push lets a body buckle; hold it against that, or give it a small load or imperfection that way"
+            "UNSTABLE: in balance, but the slightest push makes a body buckle; support it in that direction, or add a \
+             small load or imperfection there"
         }
     }
 }
 
-/// Why a step has taken several solves, if it has.
+/// The reason why a step has taken several solves, if it has.
 fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
     if let Some(iterations) = step.iterations {
-        return Some(format!("  {iterations} iterations on where the bodies are"));
+        return Some(format!(
+            "  {iterations} iterations on the positions of the bodies"
+        ));
     }
     if step.rounds < 2 {
         return None;
@@ -75,17 +78,17 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
         n => format!(" in the last of {n} load steps"),
     };
     let end = if step.friction_change == 0.0 {
-        "weak springs or frozen slip bounds between them helped".to_owned()
+        "weak springs or frozen slip bounds were used in between".to_owned()
     } else {
         format!("frozen slip bounds are off by {:.1e}", step.friction_change)
     };
     let solves = step.rounds;
     Some(format!(
-        "  {solves} solves{steps}: monolithic steps alone did not get on, {end}"
+        "  {solves} solves{steps}: monolithic steps alone made no progress, {end}"
     ))
 }
 
-/// How many contact nodes do what.
+/// The number of contact nodes in each state.
 fn states(report: &Report) -> String {
     let [separated, stick, slip, frictionless, tied] = match report.steps.last() {
         Some(step) if !step.contacts.is_empty() => {
@@ -98,7 +101,7 @@ fn states(report: &Report) -> String {
                 sum(|c| c.tied),
             ]
         }
-        // Without geometry the sets are all there is: a separated multiplier sticks or slips as well.
+        // Without geometry only the sets are known: a separated multiplier sticks or slips as well.
         _ => {
             let SetSizes {
                 separated,
@@ -131,7 +134,7 @@ fn states(report: &Report) -> String {
     text
 }
 
-/// What contacts and supports carry, a line each.
+/// The forces on contacts and supports, a line each.
 fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = String> + 'a {
     let units = &report.units;
     let [unit, stress, of_moment] =
@@ -143,11 +146,11 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
     };
     let moment = move |moment: &[f64], centre: &[f64], force: &[f64]| {
         let size = |v: &[f64]| v.iter().fold(0.0_f64, |size, v| size.hypot(*v));
-        // What is left of arms of the size of the body is rounding.
+        // With lever arms of the size of the body, the rest is rounding.
         if !(size(moment) > 1e-6 * size(force) * report.size) {
             return String::new();
         }
-        // What is left of a centre at the origin is rounding.
+        // With a centre at the origin, the rest is rounding.
         let snapped = |&c: &f64| {
             if c.abs() < 1e-12 * report.size {
                 0.0

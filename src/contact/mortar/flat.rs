@@ -3,7 +3,7 @@
 /// A point.
 pub(super) type Flat = [f64; 2];
 
-/// What is cut off at the corner p of a and b: twice the area of the triangle.
+/// Twice the area of the triangle at the corner p between a and b.
 pub(super) fn turn(p: Flat, a: Flat, b: Flat) -> f64 {
     (a[0] - p[0]) * (b[1] - p[1]) - (a[1] - p[1]) * (b[0] - p[0])
 }

@@ -1,10 +1,10 @@
-//! Convex hulls of what is covered of a facet, and their barycentric functions.
+//! Convex hulls of the covered part of a facet, and their barycentric functions.
 
 use super::flat::{Flat, area, edges, turn};
 use crate::mesh::vector::{length, minus};
 
-/// How far a hull may lie within what it stands for, in its own least width: a round spot gets some dozen vertices and
-/// not as many as facets meet along its border, and each still has an area of its own.
+/// The largest distance by which a hull may be inside its region, relative to its own least width: a round spot gets
+/// some dozen vertices instead of one for every facet along its border, and each still has its own area.
 const ROUND: f64 = 1e-2;
 
 /// A convex polygon, counter-clockwise.
@@ -14,8 +14,8 @@ pub(super) struct Hull {
 }
 
 impl Hull {
-    /// Of some points that do not all lie on one line (Andrew 1979). Of points that are as near to each other as `same` one
-    /// is taken: the direction from one to the other is rounding.
+    /// The hull of points that are not all on one line (Andrew 1979). Of points closer together than `same` one is taken,
+    /// because the direction from one to the other is rounding.
     pub fn around(mut points: Vec<Flat>, same: f64) -> Self {
         points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         let mut kept: Vec<Flat> = Vec::with_capacity(points.len());
@@ -44,11 +44,11 @@ impl Hull {
         Self { vertices }
     }
 
-    /// Without vertices that hardly stand out: those on a straight line, and most of those on an arc.
+    /// Without vertices that hardly protrude: those on a straight line, and most of those on an arc.
     pub fn simplified(self) -> Self {
         let n = self.vertices.len();
         let allowed = ROUND * self.width();
-        // The two that are farthest apart stay, and between them whatever stands out (Douglas and Peucker 1973).
+        // The two farthest apart stay, and between them those that protrude (Douglas and Peucker 1973).
         let pairs = (0..n).flat_map(|a| (0..a).map(move |b| (b, a)));
         let apart = |&(a, b): &(usize, usize)| length(minus(self.vertices[a], self.vertices[b]));
         let Some((first, last)) = pairs.max_by(|p, q| apart(p).total_cmp(&apart(q))) else {
@@ -80,7 +80,7 @@ impl Hull {
         }
     }
 
-    /// How far a point is outside of it.
+    /// The distance of a point outside of it.
     pub fn distance(&self, p: Flat) -> f64 {
         if edges(&self.vertices).all(|(a, b)| turn(a, b, p) >= 0.0) {
             return 0.0;
@@ -97,7 +97,7 @@ impl Hull {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Its least width: that across one of its edges.
+    /// Its least width, perpendicular to one of its edges.
     pub fn width(&self) -> f64 {
         let widths = edges(&self.vertices).map(|(a, b)| {
             let off = self.vertices.iter().map(|&v| turn(a, b, v));
@@ -122,7 +122,7 @@ impl Hull {
         let n = self.vertices.len();
         let at = |k: usize| self.vertices[k % n];
         let whole = 2.0 * area(&self.vertices);
-        // The product of what p spans with all edges but the two of the vertex.
+        // The product of the areas that p spans with all edges except the two of the vertex.
         let spans: Vec<f64> = (0..n).map(|k| turn(p, at(k), at(k + 1)) / whole).collect();
         let weights: Vec<f64> = (0..n)
             .map(|k| {
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hull_leaves_out_what_lies_inside_or_on_a_line() {
+    fn a_hull_leaves_out_points_inside_or_on_a_line() {
         let points = vec![
             [0.0, 0.0],
             [1.0, 0.0],

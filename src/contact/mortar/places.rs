@@ -1,4 +1,4 @@
-//! The places of a contact: what the facets of the slave boundary add up to at each.
+//! The places of a contact: the sums over the facets of the slave boundary at each.
 
 use super::surface::Surface;
 use super::{Change, FacetShares, Integrals, Mortar, Share, Shares, Site, add_to};
@@ -15,22 +15,22 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Places on the border of what is covered that lie nearer to another place than this part of the shortest edge there
-/// hand their share on to it: otherwise there were more places along a border than meshes can tell apart, rows would
-/// depend on each other, and Newton's steps lose their way. Of 250 stacks of coarse blocks that stand, 18 did not end
-/// where nothing is handed on; of those 18, 3 do not with 0.3, 1 with 0.5, none with 0.7 and 1.
+/// A place on the border of the covered part that is closer to another one than this part of the shortest edge there
+/// passes its share to it. Otherwise there would be more places along a border than meshes can resolve, rows would
+/// depend on each other, and Newton's steps lose their way. Of 250 stacks of coarse blocks in balance, 18 did not
+/// converge without passing shares on; of those 18, 3 fail with 0.3, 1 with 0.5, none with 0.7 and 1.
 const APART: f64 = 0.7;
-/// Corners of what is covered are what a body stands on, so that they stay where they are; but not as near as this: A is
-/// the worse conditioned, by the square of that, and what a body stands on is smaller by no more.
+/// Corners of the covered part support a body, so they stay in place, but not at a distance below this: closer corners
+/// worsen the condition of A by the square, and removing them shrinks the support by no more than this.
 const SLIVER: f64 = 1e-3;
-/// The border of what is covered has a corner where it turns by more than this, in half turns (10°).
+/// The border of the covered part has a corner where it turns by more than this, in half turns (10°).
 const TURN: f64 = 10.0 / 180.0;
-/// What is left of a place that has handed all on is rounding if it is below this part of it.
+/// The remainder of a place that has passed its shares on is rounding if it is below this part of it.
 const NOTHING: f64 = 1e-9;
-/// Points on an edge that two facets say differently by less than this part of it are one.
+/// Points on an edge that two facets place within this part of it are one point.
 const ONE: f64 = 1e-2;
 
-/// What makes a place: points with the same key are one. Nodes come first, in the order of their numbers.
+/// The identity of a place: points with the same key are one. Nodes come first, in the order of their numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Key {
     /// A node, in a smooth part of its boundary, against a part of the other one.
@@ -50,16 +50,16 @@ enum Key {
     },
 }
 
-/// Which smooth part of the slave boundary a place belongs to, and which of the other one.
+/// The smooth parts of the slave boundary and of the other one at a place.
 type Parts = (u32, u32);
 
-/// A vertex of what is covered of a facet: the facet, the number of the cover, its own.
+/// A vertex of the covered part of a facet: the facet, the number of the cover, its own number.
 type Vertex = (usize, usize, usize);
 
 /// Vertices on an edge, each with the part of it.
 type OnEdge = Vec<(f64, Vertex)>;
 
-/// What the facets of the slave boundary add up to at each place.
+/// The sums over the facets of the slave boundary at each place.
 pub(super) struct Places<const D: usize> {
     sums: BTreeMap<Key, Sums<D>>,
 }
@@ -140,8 +140,7 @@ where
     }
 }
 
-/// Sizes, distances and so on are the same where they differ by less than this part of them: rounding must not decide which of
-/// them comes first.
+/// Sizes and distances that differ by less than this part count as equal: rounding must not decide which comes first.
 const TIE: f64 = 1e-9;
 
 /// The order of things from the smallest to the largest, of equal ones from the innermost to the outermost and then by number:
@@ -172,7 +171,7 @@ fn ranked<const D: usize>(all: &[(f64, [f64; D])]) -> Vec<usize> {
     order
 }
 
-/// Makes one place of those that lie too near to each other.
+/// Merges places that are too close to each other.
 fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
     let few: Vec<Key> = (sums.iter())
         .filter(|(_, sums)| sums.is_partial && sums.angle < 2.0 - TURN)
@@ -202,7 +201,7 @@ fn hand_on<const D: usize>(sums: &mut BTreeMap<Key, Sums<D>>) {
         let others = (tree.nearest_neighbor_iter(own.place))
             .filter(|place| place.data != key && sums.contains_key(&place.data))
             .map(|place| (length(minus(*place.geom(), own.place)), place.data));
-        // The nearest one, or those that are as near.
+        // The nearest one, or several at the same distance.
         let mut takers: Vec<(f64, Key)> = Vec::new();
         for (apart, to) in others {
             let limit = takers.first().map_or(far, |first| first.0 + TIE * own.edge);
@@ -232,7 +231,7 @@ impl Keys {
     where
         ElementKind: Topology<D>,
     {
-        // On each edge, between which parts, at which part of it from its lower node on, which vertices lie.
+        // The vertices on each edge, by the pair of parts, each with its position on the edge from its lower node on.
         let mut on_edge: BTreeMap<([u32; 2], Parts), OnEdge> = BTreeMap::new();
         for (facet, shares) in shares.iter().enumerate() {
             let nodes = facet_nodes(&first.facets[facet]);
@@ -252,7 +251,7 @@ impl Keys {
         let mut on_edges = HashMap::new();
         for ((edge, (part, other)), mut points) in on_edge {
             points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            // A facet has each point once, however near to the next one: those of a needle.
+            // Each point of a facet counts once, however near to the next one, such as those of a needle.
             let (mut number, mut begin, mut facets) = (0, f64::NEG_INFINITY, HashSet::new());
             for (at, vertex) in points {
                 if !(at - begin <= ONE && facets.insert(vertex.0)) {
@@ -296,14 +295,14 @@ impl Keys {
     }
 }
 
-/// What the facets of the slave boundary add up to at a place.
+/// The sums over the facets of the slave boundary at a place.
 struct Sums<const D: usize> {
     parts: Parts,
-    /// Where it is, but for what is handed on to it.
+    /// Its position, before it receives shares of others.
     place: [f64; D],
-    /// The angles of what is covered around it, in half turns.
+    /// The angles of the covered parts around it, in half turns.
     angle: f64,
-    /// Whether one of the facets is covered in part.
+    /// Whether one of the facets is partly covered.
     is_partial: bool,
     /// Whether one of them is of second order.
     is_curved: bool,
@@ -316,7 +315,7 @@ struct Sums<const D: usize> {
     normals: [[f64; D]; 2],
     own: Vec<(u32, f64)>,
     partners: Vec<(u32, f64)>,
-    /// What directions that supports hold add.
+    /// The contribution of directions that supports hold.
     held: Option<Change<D>>,
 }
 
@@ -340,12 +339,12 @@ impl<const D: usize> Sums<D> {
         }
     }
 
-    /// Whether the border of what is covered turns there.
+    /// Whether the border of the covered part turns there.
     fn is_corner(&self) -> bool {
         self.angle < 1.0 - TURN
     }
 
-    /// Adds a part of those of a place that is none any more.
+    /// Adds a share of a place that is dissolved.
     fn take(&mut self, other: &Self, part: f64) {
         self.area += part * other.area;
         self.bound += part * other.bound;
@@ -384,7 +383,7 @@ impl<const D: usize> Sums<D> {
         }
     }
 
-    /// Those of the ψ that the rows along direction `a` of the frame have.
+    /// The integrals of ψ for the rows along direction `a` of the frame.
     fn along(&self, a: usize) -> Integrals {
         let mut all = self.plain();
         if let Some(held) = &self.held {
@@ -426,7 +425,7 @@ impl<const D: usize> Sums<D> {
         self.add_held(share.held.as_ref(), 1.0);
     }
 
-    /// None where what supports hold leaves nothing of it.
+    /// None where supports leave nothing of it.
     fn contact_place(
         &self,
         mesh: &Mesh<D>,
@@ -457,8 +456,8 @@ impl<const D: usize> Sums<D> {
         let nodes: Vec<u32> = own.iter().map(|p| p.0).collect();
         let x = mean(&own, |node| mesh.nodes[node as usize]);
         let [outward, facing] = self.normals;
-        // On a curved facet the mean normal hands a uniform pressure on as it is; on the border of what is covered it
-        // would say the one of a place within.
+        // On a curved facet the mean normal transfers a uniform pressure unchanged; on the border of the covered part
+        // it would represent that of a place inside.
         let is_whole_curve = self.is_curved && !self.is_partial;
         let outward = if is_whole_curve {
             options.within_planes(unit(outward), &nodes)
@@ -471,14 +470,14 @@ impl<const D: usize> Sums<D> {
             outward
         };
         let slip_bound = options.friction.at(x, self.bound)?;
-        // ν lies between the normals of both sides, so that it does not matter which of them is named first.
+        // ν is between the normals of both sides, so that their order does not matter.
         let normal = unit(minus(outward, facing.map(|c| c / self.area)));
         let normal = options.within_planes(normal, &nodes);
         let mut frame = frame(normal);
         if let Some(onto) = self.held.as_ref().and_then(|held| held.onto.as_ref()) {
             turn_tangents(&mut frame, onto);
         }
-        // The sides of a row along a direction of the frame, and the mean place of its own one.
+        // The sides of a row along a direction of the frame, and the mean position of its own side.
         let sides = |sums: &Integrals| {
             if is_nothing(sums) {
                 return (x, [Vec::new(), Vec::new()]);
@@ -489,11 +488,11 @@ impl<const D: usize> Sums<D> {
             centre(mesh, x, &frame, self.edge, &mut partners);
             (x, [own, partners])
         };
-        // Where nothing is held all rows are as the one along ν.
+        // Without held nodes all rows equal the one along ν.
         let directions = if self.held.is_some() { D } else { 1 };
         let rows: Vec<Integrals> = (0..directions).map(|a| self.along(a)).collect();
         let is_tied = matches!(options.friction, Friction::Tied);
-        // Without a row along ν only a tie is left anything.
+        // Without a row along ν only a tie keeps anything.
         let Some(across) = rows
             .iter()
             .take(if is_tied { D } else { 1 })
@@ -519,9 +518,9 @@ impl<const D: usize> Sums<D> {
         } else {
             across.area
         };
-        // What is handed on to a node moves its place away from it.
+        // Received shares move the place away from its node.
         let at_node = match key {
-            // The middle of a curved edge is its node, while the force acts where that lies in the transformed sense.
+            // The middle of a curved edge is its node, while the force acts at its transformed position.
             Key::Node { node, .. } if is_whole_curve => Some(node),
             Key::Node { node, .. } => {
                 let off = length(minus(mesh.nodes[node as usize], x));
@@ -538,7 +537,7 @@ impl<const D: usize> Sums<D> {
             partners,
             directed,
             frame,
-            // ψ has negative parts, so that the mean of a gap that is nowhere negative may be, by O(h²).
+            // ψ has negative parts, so the mean of a nonnegative gap may be negative, by O(h²).
             gap: if self.overlaps && options.may_overlap() {
                 gap
             } else {
@@ -554,8 +553,8 @@ impl<const D: usize> Sums<D> {
 
 /// Moves the mean place of the partners of a node at x onto its normal, by the least change of their weights.
 ///
-/// Only then a pressure has no moment on the pair, and none is needed to turn it as a whole. Where both boundaries are
-/// flat this holds as it is; on curved ones it misses by O(h²).
+/// Only then a pressure has no moment on the pair, and a rotation of the pair as a whole needs none. For flat
+/// boundaries this holds already; for curved ones only up to O(h²).
 fn centre<const D: usize>(
     mesh: &Mesh<D>,
     x: [f64; D],
@@ -565,7 +564,7 @@ fn centre<const D: usize>(
 ) where
     ElementKind: Topology<D>,
 {
-    // Offsets along the tangents; the first entry stands for the normal and stays 0.
+    // Offsets along the tangents; the first entry belongs to the normal and stays 0.
     let offset = |node: u32| -> [f64; D] {
         let to = minus(mesh.nodes[node as usize], x);
         std::array::from_fn(|a| if a == 0 { 0.0 } else { dot(frame[a], to) })
@@ -604,10 +603,10 @@ fn centre<const D: usize>(
     }
 }
 
-/// Gives each place the number of the pool that its pressure is shown with: a place with little area beside that of the
-/// mesh there, `whole` without what is not covered, and those nearest to it, until they have enough of it together.
+/// Gives each place the number of the pool for its displayed pressure: a place with little area compared with the mesh
+/// there, `whole` without the uncovered part, is pooled with those nearest to it until they have enough area together.
 ///
-/// With less than a quarter of the size along each direction of the boundary pressures are as much a matter of where the
+/// With less than a quarter of the size along each direction of the boundary, pressures depend as much on where the
 /// facets of the master boundary happen to end.
 fn pool<const D: usize>(
     places: &mut [ContactPlace<D>],
@@ -632,9 +631,9 @@ fn pool<const D: usize>(
             .map(|&i| (places[i].area, places[i].place))
             .collect();
         for i in ranked(&sizes).into_iter().map(|k| few[k]) {
-            // What is farther than two facets is no neighbour.
+            // A place more than two facets away is not a neighbour.
             let reach = 2.0 * whole[i].abs().powf(1.0 / f64::from(ways));
-            // Of those that are as far away all are taken.
+            // All places at the same distance are taken.
             let mut before = 0.0;
             for near in tree.nearest_neighbor_iter(places[i].place) {
                 let (mine, j) = (groups.of(i as u32), near.data);

@@ -1,4 +1,4 @@
-//! What two boundaries in space have in common: polygons on the plane of each facet of the first one, onto which the
+//! The intersections of two boundaries in space: polygons on the plane of each facet of the first one, onto which the
 //! facets of the other are projected along its normal and clipped (Puso and Laursen 2004; Popp, Gitterle, Gee and Wall
 //! 2010).
 //!
@@ -49,7 +49,7 @@ fn is_thin(polygon: &[Flat], least: f64) -> bool {
     !(2.0 * area(polygon) > least * around)
 }
 
-/// The part of a polygon within a convex one; nothing if that is no wider than `least`.
+/// The part of a polygon within a convex one; empty if it is no wider than `least`.
 fn within(polygon: &[Flat], convex: &[Flat], least: f64) -> Option<Polygon> {
     let mut part = polygon.to_vec();
     for (a, b) in edges(convex) {
@@ -87,9 +87,9 @@ struct Seen {
     heights: [f64; 9],
 }
 
-/// What a facet is where it covers a point of a plane.
+/// The state of a facet where it covers a point of a plane.
 struct Covering {
-    /// Its shape functions, and where that is in its reference element.
+    /// Its shape functions, and the point in its reference element.
     shape: [f64; 9],
     xi: Flat,
     /// Its height above the plane.
@@ -97,7 +97,7 @@ struct Covering {
 }
 
 impl Seen {
-    /// Where the facet covers the point p of the plane.
+    /// The point where the facet covers the point p of the plane.
     fn at(&self, p: Flat) -> Covering {
         let (shape, xi) = match self.len {
             3 => self.in_triangle(p),
@@ -135,7 +135,7 @@ impl Seen {
         unit(cross(s, t))
     }
 
-    /// How far a facet of second order bends out of its plane, as a part of its size.
+    /// The bend of a facet of second order out of its plane, as a part of its size.
     fn bend(&self) -> Option<f64> {
         let heights = self.heights[..self.len].iter().copied();
         let [low, high] = [
@@ -168,7 +168,7 @@ impl Seen {
         middles && (n == 3 || length(skew) <= AFFINE * size)
     }
 
-    /// Whether the middles of its edges lie on the lines between its corners.
+    /// Whether its midside nodes are on the lines between its corners.
     fn is_straight(&self) -> bool {
         let n = self.n_corners();
         (n..self.len.min(2 * n)).all(|k| {
@@ -192,8 +192,8 @@ impl Seen {
 /// Coordinates that differ by less than this part of the size of a facet are rounding.
 const AFFINE: f64 = 1e-12;
 
-/// The point of the reference element of a facet that covers a point of a plane, by Newton's method, which is one step if
-/// the map is affine: with the shape functions there; these are no numbers where a curved facet does not cover any.
+/// The point of the reference element of a facet that covers a point of a plane, by Newton's method, which takes one step
+/// if the map is affine, with the shape functions there. They are NaN where a curved facet covers no such point.
 struct Inverse<'a> {
     seen: &'a Seen,
     p: Flat,
@@ -285,7 +285,7 @@ impl Plane {
     }
 }
 
-/// What a facet can meet along its normal.
+/// The region that a facet can meet along its normal.
 pub(super) fn beam(slave: &SlaveFacet<3>, distance: f64) -> Beam<3> {
     let nodes = slave.places().iter().copied();
     Beam::around(Plane::of(slave).axes, nodes, [0.0, 0.0, distance])
@@ -303,15 +303,15 @@ pub(super) fn angles(corners: &[[f64; 3]]) -> [f64; 4] {
     angles
 }
 
-/// A part of the facet and what covers it.
+/// A part of the facet and the facet that covers it.
 struct Piece {
     polygon: Polygon,
     /// Its place among the facets that are near.
     other: usize,
 }
 
-/// What connected parts of the others cover of a facet: they are projected, clipped, cut where they lie over each other, and
-/// joined, each step on the polygons of the one before.
+/// The connected parts that others cover of a facet: they are projected, clipped, cut where they overlap, and joined, each
+/// step on the polygons of the one before.
 pub(super) fn covers(
     slave: &SlaveFacet<3>,
     near: &[MasterFacet<3>],
@@ -323,7 +323,7 @@ pub(super) fn covers(
     let seen: Vec<Seen> = (near.iter())
         .map(|master| plane.see(master.places()))
         .collect();
-    // How far the plane's point p is from a facet, along its normal.
+    // The distance of the plane's point p from a facet, along its normal.
     let apart = |other: usize, p: Flat| seen[other].at(p).height - own.at(p).height;
 
     // Those of the others, counter-clockwise and each with the number of its facet.
@@ -371,7 +371,7 @@ pub(super) fn covers(
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect(), SAME * area(&outline).sqrt());
             let (hull, sites) = places(&outline, face_ring(own.len), own.bend(), hull);
-            // All of a facet, but with the places of its corners.
+            // The whole facet, with places only at its corners.
             let (hull, sites) = match sites {
                 None if slave.is_linear() => corners_of(&own),
                 sites => (hull, sites),
@@ -485,8 +485,8 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
     parts
 }
 
-/// The vertices of what is covered and where they lie on the facet with this outline, whose nodes are `ring`, and which bends by
-/// that part of its size if it is of second order; None for the sites of one that is wholly covered: these are its nodes.
+/// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`, and which bends by
+/// that part of its size if it is of second order; None as the sites of a wholly covered one, whose vertices are its nodes.
 fn places(
     outline: &[Flat],
     ring: &[usize],
@@ -528,7 +528,7 @@ fn corners_of(own: &Seen) -> (Hull, Option<Vec<Site>>) {
     (hull, Some((0..n).map(Site::Node).collect()))
 }
 
-/// Adds a piece without what other pieces have in common with it and are nearer to; those lose what it is nearer to.
+/// Adds a piece without the parts where other pieces are nearer; those lose the parts where the new piece is nearer.
 fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, Flat) -> f64) {
     let mut fresh = vec![new.polygon];
     for old in std::mem::take(pieces) {
@@ -560,19 +560,19 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
     pieces.extend(fresh.into_iter().map(|polygon| Piece { polygon, other }));
 }
 
-/// How what two facets have in common is integrated, a triangle at a time.
+/// The integration rule for the intersection of two facets, a triangle at a time.
 #[derive(Clone, Copy, PartialEq)]
 enum Rule {
     /// Six points: exact to degree 4, which bilinear functions and quadratic ones of triangles have as products.
     Six,
     /// 5 × 5 points: exact to degree 8, which biquadratic functions have as products.
     Square5,
-    /// 8 × 8 points where shape functions are no polynomials on the plane: right to 1e-10 on quadrilaterals whose corners
-    /// are off by a fifth of an edge.
+    /// 8 × 8 points where shape functions are not polynomials on the plane: accurate to 1e-10 on quadrilaterals whose
+    /// corners are off by a fifth of an edge.
     Square8,
 }
 
-/// What two facets need. Where edges are curved, pieces are smaller than facets.
+/// The rule for two facets. Where edges are curved, pieces are smaller than facets.
 fn rule(own: &Seen, other: &Seen) -> Rule {
     let both = |is: fn(&Seen) -> bool| is(own) && is(other);
     if !both(Seen::is_straight) {
@@ -604,7 +604,7 @@ fn each_point(polygon: &[Flat], rule: Rule, mut take: impl FnMut(Flat, f64)) {
                 take(at(corners), area * weight);
             }
         }
-        // On a square of which one side shrinks to the first corner.
+        // On a square of which one side collapses to the first corner.
         for (along, weight) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
             for (across, other) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
                 let corners = [1.0 - along, along * (1.0 - across), along * across];

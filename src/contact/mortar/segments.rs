@@ -1,5 +1,5 @@
-//! What two boundaries of the plane have in common: segments between projected nodes of both meshes, along the field of
-//! averaged normals of the slave boundary.
+//! The intersections of two boundaries in the plane: segments between projected nodes of both meshes, along the field
+//! of averaged normals of the slave boundary.
 
 use super::{
     CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
@@ -26,7 +26,7 @@ struct Edge<'a> {
     normals: &'a [Point],
 }
 
-/// The root of a s² + b s + c that is nearest to the middle of (0, 1).
+/// The root of a s² + b s + c nearest to the middle of (0, 1).
 fn nearest_root(a: f64, b: f64, c: f64) -> Option<f64> {
     let roots = if a.abs() * 1e12 < b.abs() {
         [-c / b; 2]
@@ -71,11 +71,11 @@ impl Edge<'_> {
         let b = cross(to, turn) - cross(along, n);
         let c = cross(to, n);
         let on_chord = nearest_root(a, b, c)?;
-        // What is beyond the ends of the chord by so much is beyond those of the curved edge, too, which bends back there.
+        // A point this far beyond the ends of the chord is also beyond those of the curved edge, which bends back there.
         if self.x.len() == 2 || !(-0.5..1.5).contains(&on_chord) {
             return Some(on_chord);
         }
-        // By Newton's method on the curved edge, from where that is on its chord.
+        // By Newton's method on the curved edge, starting from the point on its chord.
         let (mut s, mut step) = (on_chord, f64::INFINITY);
         for _ in 0..NEWTON {
             let at = edge_at(self.x, 2.0 * s - 1.0);
@@ -92,10 +92,10 @@ impl Edge<'_> {
     }
 }
 
-/// More than Newton's method takes on a quadratic edge whose middle is anywhere near its middle.
+/// More than Newton's method takes on a quadratic edge whose midside node is roughly in the middle.
 const NEWTON: usize = 20;
 
-/// Where the ray from x along n meets an edge: the parameter on the edge and the distance.
+/// The intersection of the ray from x along n with an edge: the parameter on the edge and the distance.
 fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
     if let [p, q] = *edge {
         let (along, to) = (minus(q, p), minus(p, x));
@@ -112,8 +112,8 @@ fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
     (s, dot(minus(place, x), n))
 }
 
-/// What connected parts of the others cover of an edge: three Gauss points on each segment; eight where an edge is of second
-/// order, as one parameter is no polynomial in the other then.
+/// The connected parts that others cover of an edge: three Gauss points on each segment; eight where an edge is of second
+/// order, because then one parameter is not a polynomial in the other.
 pub(super) fn covers(
     slave: &SlaveFacet<2>,
     near: &[MasterFacet<2>],
@@ -125,7 +125,7 @@ pub(super) fn covers(
     };
     let is_curved = slave.len > 2;
     let chord = length(minus(edge.x[1], edge.x[0]));
-    // How far the middle is off the chord, as a part of that.
+    // The distance of the midside node from the chord, as a part of the chord.
     let bend = edge.x.get(2).map(|&middle| {
         let along = minus(edge.x[1], edge.x[0]);
         cross(along, minus(middle, edge.x[0])).abs() / dot(along, along)

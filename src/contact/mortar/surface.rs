@@ -16,7 +16,7 @@ where
     pub measure: Vec<f64>,
     /// Their outward unit normals.
     pub outward: Vec<[f64; D]>,
-    /// How far they may be off what they are drawn after.
+    /// The largest deviation from the surfaces that they approximate.
     pub slack: Vec<f64>,
     /// The smooth part that each belongs to.
     pub part: Vec<u32>,
@@ -122,7 +122,7 @@ where
 {
     let mut normals = [mean; 9];
     let (x, len) = mesh.places_of(facet);
-    // Facets of first order have one normal here: what a quadrilateral is warped by says nothing about the surface.
+    // Facets of first order have one normal here: the warp of a quadrilateral says nothing about the surface.
     if len > facet_corners(facet).len() {
         let true_ones = <ElementKind as Topology<D>>::normals_at_nodes(&x[..len]);
         for ((normal, true_one), &place) in normals.iter_mut().zip(true_ones).zip(&x) {
@@ -136,8 +136,8 @@ where
     Ok(normals)
 }
 
-/// The part that each facet belongs to: neighbours whose normals, where they meet, differ by no more than the angle, in
-/// degrees, are in the same one.
+/// The part of each facet: neighbours whose normals differ by at most the angle, in degrees, where they meet are in the
+/// same part.
 fn smooth_parts<const D: usize>(
     facets: &[Facet<D>],
     at_nodes: &[[[f64; D]; 9]],

@@ -1,11 +1,11 @@
-//! Contact between boundaries of two bodies in space: what the weights of partners and the gaps have to be.
+//! Contact between boundaries of two bodies in space: conditions on the weights of partners and the gaps.
 
 use super::*;
 use crate::mesh::structured::{SolidShape, block, join};
 use crate::mesh::vector::{cross, minus};
 use SolidShape::{Hexahedron, Tetrahedron, Wedge};
 
-/// What a block of cells is moved by.
+/// The map that moves a block of cells.
 type Map<'a> = &'a dyn Fn([f64; 3]) -> [f64; 3];
 
 /// A block whose boundaries have its name in front.
@@ -13,7 +13,7 @@ fn part(name: &str, at: [f64; 3], size: [f64; 3], cells: [usize; 3], shape: Soli
     block(at, size, cells, shape, name, &format!("{name}-"))
 }
 
-/// A block of 2 × 1.5 × 1 under one of `size` × 1 whose lower corner is at `at`; both with their nodes moved.
+/// A block of 2 × 1.5 × 1 under one of `size` × 1 with the lower corner `at`; both with their nodes moved.
 fn blocks(
     lower: (SolidShape, [usize; 2]),
     upper: (SolidShape, [usize; 2]),
@@ -24,7 +24,7 @@ fn blocks(
     blocks_of([1, 1], lower, upper, at, size, map)
 }
 
-/// The same with elements of second order where that is said.
+/// The same, optionally with elements of second order.
 fn blocks_of(
     orders: [usize; 2],
     lower: (SolidShape, [usize; 2]),
@@ -57,7 +57,7 @@ fn found(mesh: &Mesh<3>, sides: [&str; 2], options: &PairOptions<3>) -> Vec<Cont
     found.places
 }
 
-/// The mean place of what a node meets.
+/// The mean position of the partners of a node.
 fn met(mesh: &Mesh<3>, node: &ContactPlace<3>) -> [f64; 3] {
     mean(&node.partners, |other| mesh.nodes[other as usize])
 }
@@ -80,8 +80,8 @@ fn turned([x, y, z]: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|c| 0.3 + x * axes[0][c] + y * axes[1][c] + z * axes[2][c])
 }
 
-/// Between flat faces: a uniform pressure on one side is a uniform pressure on the other (what a patch test needs), the
-/// place that a node meets lies straight above it by the gap, and so nothing has a moment.
+/// Between flat faces: a uniform pressure on one side is a uniform pressure on the other (as a patch test requires),
+/// the partner point of a node is straight above it by the gap, and so no pair has a moment.
 #[test]
 fn flat_faces_hand_on_a_uniform_pressure() {
     let straight: Map = &|x| x;
@@ -147,10 +147,10 @@ fn flat_faces_hand_on_a_uniform_pressure() {
     }
 }
 
-/// A face that covers a part of the other, whatever the part: from whichever side, the areas add up to it, forces act on
-/// it or on its border and not beyond, and as the mean of what they meet; a uniform pressure is handed on exactly.
+/// A face that covers a part of the other, whatever the part, from either side: the areas add up to it, and forces act
+/// on it or on its border, never beyond, at the mean of their partners; a uniform pressure is transferred exactly.
 #[test]
-fn what_is_covered_in_part_counts_in_part() {
+fn partly_covered_facets_count_in_part() {
     // Corners of the upper face, with overlaps from a half down to a needle on one facet.
     let uppers = [
         ([0.77, 0.41], [0.83, 2.0]),
@@ -194,7 +194,7 @@ fn what_is_covered_in_part_counts_in_part() {
     }
 }
 
-/// Two needles of one body, and of two, under one facet: each with places of its own.
+/// Two needles of one body, and of two, under one facet: each has its own places.
 #[test]
 fn needles_under_one_facet_have_their_own_places() {
     let needle = |name: &str, at: [f64; 2]| {
@@ -240,7 +240,7 @@ fn needles_under_one_facet_have_their_own_places() {
     }
 }
 
-/// Edges cut a boundary into parts with normals of their own; near a plane of symmetry normals lie in it.
+/// Edges cut a boundary into parts with their own normals; near a plane of symmetry normals are in it.
 #[test]
 fn edges_and_planes_of_symmetry_have_their_normals() {
     // Two blocks with a roof of this slope in between.
@@ -292,9 +292,9 @@ fn edges_and_planes_of_symmetry_have_their_normals() {
     }
 }
 
-/// What lies opposite, but behind something nearer, is told.
+/// A boundary that is opposite, but behind something nearer, is reported.
 #[test]
-fn what_is_not_met_is_told() {
+fn unmet_facets_are_reported() {
     let lower = part("low", [0.0; 3], [2.0, 1.0, 1.0], [5, 3, 1], Hexahedron);
     let plate = |name: &str, z: f64, length: f64| {
         part(
@@ -354,7 +354,7 @@ fn pressures_on_bent_faces_balance() {
     }
 }
 
-/// Of two faces that one could meet it meets the nearer one, wherever that is the one or the other.
+/// A face that could meet either of two faces meets the nearer one, whichever that is.
 #[test]
 fn the_nearer_of_two_faces_counts() {
     let lower = part("low", [0.0; 3], [2.0, 1.0, 1.0], [5, 3, 1], Hexahedron);
@@ -387,7 +387,7 @@ fn the_nearer_of_two_faces_counts() {
 }
 
 #[test]
-fn interference_stands_instead_of_the_distance() {
+fn interference_replaces_the_distance() {
     let mesh = blocks(
         PAIRS[1][0],
         PAIRS[1][1],
@@ -449,7 +449,8 @@ fn faults_of_two_boundaries() {
     assert!(text.contains("belongs to both boundaries"), "{text}");
 }
 
-/// On a plane of symmetry through both bodies friction acts along it, and not on what little partners nearby move across.
+/// On a plane of symmetry through both bodies friction acts along it, and not on the small motions of nearby partners
+/// across it.
 #[test]
 fn friction_along_a_plane_of_symmetry_only() {
     let bent: Map = &|[x, y, z]| {

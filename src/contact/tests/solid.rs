@@ -108,7 +108,7 @@ fn bounds_add_up_over_a_face() {
                 };
                 bound += given;
                 assert!(node.partners.is_empty());
-                // Along the normal by the gap lies the obstacle.
+                // The obstacle is along the normal at the distance of the gap.
                 let foot = std::array::from_fn(|c| x[c] + node.gap * node.frame[0][c]);
                 let onto = match obstacle {
                     Obstacle::HalfSpace { .. } => foot[2],
@@ -127,7 +127,7 @@ fn bounds_add_up_over_a_face() {
 }
 
 #[test]
-fn faults_are_told_in_the_words_of_space() {
+fn faults_are_reported_in_the_words_of_space() {
     let mesh = cube(SolidShape::Wedge);
     let message = |boundary: &str, obstacle: Obstacle<3>| {
         let body = body(&mesh);
@@ -203,7 +203,7 @@ fn corners_of_a_cube_with_supports() {
         expected[block + 2] = -1.0;
         assert_eq!(n[i], expected);
         let free = [x > 0.0, y > 0.0];
-        // The tangents span what is free of the plane z = 0, and nothing else.
+        // The tangents span the free directions of the plane z = 0, and nothing else.
         let pair = &t[2 * i..2 * i + 2];
         let mut gram = [[0.0; 2]; 2];
         for row in pair {

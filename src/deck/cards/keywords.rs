@@ -1,6 +1,6 @@
-//! Keywords that nothing comes of, and why others are refused.
+//! Keywords without effect, and the reasons why others are refused.
 
-/// Keywords that say what is written, how it is solved, or what has no effect on the displacements of a static analysis.
+/// Keywords about output or solution methods, or without effect on the displacements of a static analysis.
 pub(super) const PASSED_OVER: [&str; 42] = [
     "ASSEMBLY",
     "CONDUCTIVITY",
@@ -46,63 +46,81 @@ pub(super) const PASSED_OVER: [&str; 42] = [
     "USER OUTPUT VARIABLES",
 ];
 
-/// Why keywords are refused that decks often have.
+/// Reasons to refuse keywords that decks often have.
 pub(super) const REASONS: [(&str, &str); 35] = [
-    ("BEAM SECTION", "there are no beams"),
-    ("BUCKLE", "there is no buckling analysis"),
+    ("BEAM SECTION", "beams are not supported"),
+    ("BUCKLE", "buckling analysis is not supported"),
     (
         "CHANGE SURFACE BEHAVIOR",
         "contact cannot change from step to step",
     ),
-    ("COUPLED TEMPERATURE-DISPLACEMENT", "no heat is conducted"),
+    (
+        "COUPLED TEMPERATURE-DISPLACEMENT",
+        "heat conduction is not supported",
+    ),
     ("COUPLING", "nodes cannot be coupled to a reference node"),
-    ("CREEP", "materials are linear-elastic"),
-    ("CYCLIC HARDENING", "materials are linear-elastic"),
-    ("CYCLIC SYMMETRY MODEL", "there is no cyclic symmetry"),
-    ("DASHPOT", "there are no dampers"),
-    ("DEFORMATION PLASTICITY", "materials are linear-elastic"),
+    ("CREEP", "only linear-elastic materials are supported"),
+    (
+        "CYCLIC HARDENING",
+        "only linear-elastic materials are supported",
+    ),
+    ("CYCLIC SYMMETRY MODEL", "cyclic symmetry is not supported"),
+    ("DASHPOT", "dampers are not supported"),
+    (
+        "DEFORMATION PLASTICITY",
+        "only linear-elastic materials are supported",
+    ),
     (
         "DISTRIBUTING COUPLING",
         "nodes cannot be coupled to a reference node",
     ),
-    ("DYNAMIC", "inertia is not taken into account"),
-    ("FLUID SECTION", "there are no fluids"),
-    ("FREQUENCY", "there is no modal analysis"),
-    ("GAP", "there are no gap elements: use a contact pair"),
-    ("HEAT TRANSFER", "no heat is conducted"),
-    ("HYPERELASTIC", "materials are linear-elastic"),
-    ("HYPERFOAM", "materials are linear-elastic"),
+    ("DYNAMIC", "inertia is not supported"),
+    ("FLUID SECTION", "fluids are not supported"),
+    ("FREQUENCY", "modal analysis is not supported"),
+    ("GAP", "gap elements are not supported: use a contact pair"),
+    ("HEAT TRANSFER", "heat conduction is not supported"),
+    (
+        "HYPERELASTIC",
+        "only linear-elastic materials are supported",
+    ),
+    ("HYPERFOAM", "only linear-elastic materials are supported"),
     (
         "KINEMATIC COUPLING",
         "nodes cannot be coupled to a reference node",
     ),
-    ("MEMBRANE SECTION", "there are no membranes"),
-    ("MODAL DYNAMIC", "inertia is not taken into account"),
+    ("MEMBRANE SECTION", "membranes are not supported"),
+    ("MODAL DYNAMIC", "inertia is not supported"),
     (
         "MPC",
         "displacements of nodes cannot be made to depend on each other",
     ),
-    ("NO TENSION", "materials are linear-elastic"),
-    ("PLASTIC", "materials are linear-elastic"),
+    ("NO TENSION", "only linear-elastic materials are supported"),
+    ("PLASTIC", "only linear-elastic materials are supported"),
     (
         "PRE-TENSION SECTION",
-        "there is no pre-tension of bolts: state a temperature or an interference",
+        "pre-tension of bolts is not supported: state a temperature or an interference",
     ),
     (
         "RIGID BODY",
-        "there are no rigid bodies of nodes: use a stiff material or a rigid obstacle",
+        "rigid bodies of nodes are not supported: use a stiff material or a rigid obstacle",
     ),
     (
         "SELECT CYCLIC SYMMETRY MODES",
-        "there is no cyclic symmetry",
+        "cyclic symmetry is not supported",
     ),
-    ("SHELL SECTION", "there are no shells"),
-    ("STEADY STATE DYNAMICS", "inertia is not taken into account"),
-    ("SUBMODEL", "there are no submodels"),
-    ("SUBSTRUCTURE GENERATE", "there are no substructures"),
-    ("UNCOUPLED TEMPERATURE-DISPLACEMENT", "no heat is conducted"),
-    ("USER MATERIAL", "materials are linear-elastic"),
-    ("VISCO", "materials are linear-elastic"),
+    ("SHELL SECTION", "shells are not supported"),
+    ("STEADY STATE DYNAMICS", "inertia is not supported"),
+    ("SUBMODEL", "submodels are not supported"),
+    ("SUBSTRUCTURE GENERATE", "substructures are not supported"),
+    (
+        "UNCOUPLED TEMPERATURE-DISPLACEMENT",
+        "heat conduction is not supported",
+    ),
+    (
+        "USER MATERIAL",
+        "only linear-elastic materials are supported",
+    ),
+    ("VISCO", "only linear-elastic materials are supported"),
     (
         "CHANGE SOLID SECTION",
         "materials cannot change from step to step",

@@ -58,7 +58,7 @@ impl<'a> Said<'a> {
                     _ => {
                         return Err((
                             line,
-                            "a temperature has its node or set and a value".to_owned(),
+                            "each temperature needs a node or set and a value".to_owned(),
                         ));
                     }
                 },
@@ -78,7 +78,7 @@ impl<'a> Said<'a> {
         let [target, first, ..] = *all else {
             return Err((
                 line,
-                "*BOUNDARY has a node or set and directions in a line".to_owned(),
+                "*BOUNDARY needs a node or set and directions in each line".to_owned(),
             ));
         };
         let held = |components: &[usize]| {
@@ -105,13 +105,13 @@ impl<'a> Said<'a> {
             Some(text) => value(line, text)?,
         };
         if last < first || last > 11 {
-            return Err((line, format!("directions {first} to {last} make no sense")));
+            return Err((line, format!("{first} to {last} is no range of directions")));
         }
         if first == 11 || last == 11 {
             self.refuse(
                 line,
                 "BOUNDARY",
-                "*BOUNDARY, direction 11: no heat is conducted",
+                "*BOUNDARY, direction 11: heat conduction is not supported",
             );
             return Ok(None);
         }
@@ -136,7 +136,7 @@ impl<'a> Said<'a> {
         let [target, direction, of_target, ..] = *all else {
             return Err((
                 line,
-                "*CLOAD has a node or set, a direction and a force in a line".to_owned(),
+                "*CLOAD needs a node or set, a direction and a force in each line".to_owned(),
             ));
         };
         let (direction, value) = (component(line, direction)?, value(line, of_target)?);
@@ -159,7 +159,8 @@ impl<'a> Said<'a> {
         let [target, kind, ref rest @ ..] = *all else {
             return Err((
                 line,
-                "*DLOAD has an element or set, a kind of load and its size in a line".to_owned(),
+                "*DLOAD needs an element or set, a kind of load and its size in each line"
+                    .to_owned(),
             ));
         };
         let rest = rest.iter().map(|text| {
@@ -243,7 +244,7 @@ impl<'a> Said<'a> {
             }
             _ => Err((
                 line,
-                "*DSLOAD has a surface, P and a pressure in a line".to_owned(),
+                "*DSLOAD needs a surface, P and a pressure in each line".to_owned(),
             )),
         }
     }

@@ -23,7 +23,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 if let Some([stiffness, _]) = interaction.springs.first() {
                     let place = (self.place)(pair.line);
                     self.notes.push(format!(
-                        "{place}: a tie is rigid here: its stiffness of {stiffness:e} is passed over"
+                        "{place}: ties are rigid here: the stiffness of {stiffness:e} is skipped"
                     ));
                 }
                 let before = self.definition.ties.len();
@@ -36,10 +36,10 @@ impl<const D: usize> Translation<'_, '_, D> {
             let slave = self.index.surface(pair.line, pair.slave)?;
             let master = self.index.surface(pair.line, pair.master)?;
             if master.nodes.is_some() {
-                let text = "*CONTACT PAIR: the master surface is one of element faces";
+                let text = "*CONTACT PAIR: the master surface must consist of element faces";
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
-            // A surface of nodes that make up faces is one of faces.
+            // A surface of nodes that make up faces counts as one of faces.
             let by_nodes = match &slave.nodes {
                 Some(nodes) if !self.index.covers(nodes) => {
                     self.index.add_nodes(&slave.name, nodes);
@@ -50,13 +50,13 @@ impl<const D: usize> Translation<'_, '_, D> {
             let (friction, factors) = self.friction(interaction);
             let slope = interaction.stick_slope.filter(|_| friction.is_some());
             if slope.is_some() && interaction.springs.len() > 1 {
-                let text = "*FRICTION: there is no stick slope beside a table of pressures in several pieces";
+                let text = "*FRICTION: a stick slope cannot be combined with a table of pressures in several pieces";
                 self.refuse(pair.line, "FRICTION", text);
             }
             let wanted = [&slave.name, &master.name].map(|name| key(name));
             let mut clearances = self.said.clearances.iter();
             let clearance = clearances.find(|one| one.surfaces == wanted);
-            // The gap that is stated, if it is, and what is moved.
+            // The stated gap, if any, and the nodes to move.
             let (mut stated, mut moved) = (clearance.map(|clearance| clearance.value), None);
             match pair.adjust.filter(|_| clearance.is_none()) {
                 None => {}
@@ -75,7 +75,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     moved = Some(Moved::Set(set));
                 }
             }
-            // Contacts side by side, whose pressures add up, for a table in several pieces.
+            // Parallel contacts, whose pressures add up, for a table in several pieces.
             let springs: Vec<Option<[f64; 2]>> = match interaction.springs.is_empty() {
                 true => vec![None],
                 false => interaction.springs.iter().copied().map(Some).collect(),
@@ -104,7 +104,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                         if let Some(Moved::Within(distance)) = moved {
                             contact = contact.adjust(distance);
                         }
-                        // What is drawn overlapping is pressed apart.
+                        // Overlaps in the drawing are pressed apart.
                         contact.offset(begins).overlap_as_interference()
                     }
                 };
@@ -180,7 +180,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 .is_some_and(|nodes| number == 1 || !self.index.covers(&nodes))
             {
                 let text = format!(
-                    "*TIE: surface \"{}\" is not one of whole faces",
+                    "*TIE: surface \"{}\" does not consist of whole faces",
                     surface.name
                 );
                 self.refuse(line, "TIE", text);

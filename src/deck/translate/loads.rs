@@ -1,4 +1,4 @@
-//! What acts on faces and in elements, and temperatures.
+//! Loads on faces and in elements, and temperatures.
 
 use super::nodes::linear;
 use super::{Result, Translation, quantities, with_factors};
@@ -42,7 +42,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     let elements = self.index.elements(line, target)?;
                     for element in elements {
                         if !self.index.is_of_body(element) || !self.index.has_face(element, *face) {
-                            return Err((line, format!("P{face} is no face of such an element")));
+                            return Err((line, format!("P{face} is not a face of this element")));
                         }
                         faces.set((element, *face), line, &origin, step, *value, amplitude);
                     }
@@ -142,7 +142,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             if size * density == 0.0 {
                 continue;
             }
-            // The region of the section, the set that is named, or one of its own.
+            // The region of the section, the named set, or a new one.
             let of_section = self.regions.iter().find(|(_, _, all)| *all == elements);
             let region = match (of_section, &set_name) {
                 (Some((_, name, _)), _) => name.clone(),
@@ -159,16 +159,14 @@ impl<const D: usize> Translation<'_, '_, D> {
                     value => Number(value).to_string(),
                 }),
             };
-            // What acts around a body of revolution, or across its axis, would not leave it one.
+            // Loads around the axis of a body of revolution, or across it, would break its symmetry.
             let is_axial = b[0] == 0.0 && b[2] == 0.0 && a[0] == 0.0 && a[2] == 0.0;
             if self.is_of_revolution() && bits[0] == 1 && !is_axial {
-                let text =
-                    "*DLOAD, CENTRIF: a body of revolution rotates about its axis, which is y";
+                let text = "*DLOAD, CENTRIF: a body of revolution rotates about its axis, y";
                 self.refuse(line, "DLOAD", text);
             }
             if self.is_of_revolution() && bits[0] == 0 && a[0] * size != 0.0 {
-                let text =
-                    "*DLOAD, GRAV: gravity of a body of revolution acts along its axis, which is y";
+                let text = "*DLOAD, GRAV: gravity of a body of revolution acts along its axis, y";
                 self.refuse(line, "DLOAD", text);
             }
             if D == 2 && bits[0] != 1 && a[2] * size != 0.0 {
@@ -188,7 +186,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// How much warmer the regions become that expand.
+    /// The temperatures of the regions that expand.
     pub(super) fn temperatures(&mut self) -> Result<()> {
         let mut tracks = Tracks::default();
         for load in &self.said.loads {
@@ -249,7 +247,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// How much warmer each node becomes: one table if the load steps have multiples of the same, else one for each.
+    /// The temperature of each node: one table if the load steps have multiples of the same, otherwise one for each.
     fn temperatures_of_nodes(&mut self, warmer: &[Option<(usize, Vec<f64>)>]) {
         self.has_nodal_values = true;
         let lines = warmer.iter().flatten().map(|one| one.0);
@@ -306,7 +304,7 @@ impl<const D: usize> Translation<'_, '_, D> {
 
 /// ρ ω² times the way from the axis, as expressions of x, y and z.
 fn centrifugal(size: f64, point: [f64; 3], direction: [f64; 3]) -> [String; 3] {
-    // The part across a unit vector a of what is rotated is (1 − a aᵀ) (x − p).
+    // Perpendicular to the unit vector a of the axis, the rotated part is (1 − a aᵀ) (x − p).
     let square = |c: usize, d: usize| f64::from(u8::from(c == d)) - direction[c] * direction[d];
     let matrix = std::array::from_fn(|c| std::array::from_fn(|d| size * square(c, d)));
     linear(matrix, point)

@@ -13,7 +13,7 @@ pub(super) struct Alike {
     component: usize,
     /// Sorted.
     nodes: Vec<u32>,
-    /// Whether a support says what these displacements are: then it does so for all of them.
+    /// Whether a support prescribes these displacements: then it does so for all of them.
     held: bool,
 }
 
@@ -27,7 +27,7 @@ struct Same {
     origin: String,
 }
 
-/// What nodes have in one table.
+/// The common entry of nodes in one table.
 struct Table {
     line: usize,
     nodes: Vec<u32>,
@@ -52,7 +52,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(of_node)
     }
 
-    /// Which displacements are equal.
+    /// The displacements that are equal.
     pub(super) fn equations(&mut self) -> Result<()> {
         let transforms = self.transforms()?;
         // The groups so far, and which one a displacement is in.
@@ -65,8 +65,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.index.nodes(line, second)?,
             );
             if second.len() != 1 && second.len() != first.len() {
-                let text =
-                    "*EQUATION: both sets have as many nodes as each other, or the second has one";
+                let text = "*EQUATION: both sets must have the same number of nodes, or the second one node";
                 return Err((line, text.to_owned()));
             }
             if component >= D {
@@ -74,7 +73,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             }
             let mut all = first.iter().chain(&second);
             if all.any(|node| transforms.contains_key(node)) {
-                let text = "*EQUATION: displacements are equal along the axes, and not in directions of a *TRANSFORM";
+                let text = "*EQUATION: displacements can be equal along the axes only, not in directions of a *TRANSFORM";
                 self.refuse(line, "EQUATION", text);
                 continue;
             }
@@ -112,7 +111,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// The nodes that something said of a node is about: it is equal to others, or no node of a body at all.
+    /// The nodes that an entry for a node applies to: also its equal nodes, or none if no body has it.
     fn meant(&mut self, kind: Kind, node: u32, component: usize) -> Vec<u32> {
         let own = self.used[node as usize];
         match self.equal_of.get(&(component, node)) {
@@ -120,7 +119,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.equal[number].held = true;
                 self.equal[number].nodes.clone()
             }
-            // A force moves all of them, wherever it acts.
+            // A force moves all of them, whichever it acts on.
             Some(&number) if !own && self.equal[number].nodes.is_empty() => Vec::new(),
             Some(_) => vec![node],
             None if own => vec![node],
@@ -128,7 +127,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         }
     }
 
-    /// The nodes that move alike, as far as no support says how they move: a table for each choice of axes.
+    /// The nodes that move alike, where no support prescribes the motion: a table for each choice of axes.
     pub(super) fn put_equal(&mut self) {
         let mut axes: BTreeMap<Vec<u32>, (usize, BTreeSet<usize>)> = BTreeMap::new();
         for one in std::mem::take(&mut self.equal) {
@@ -188,7 +187,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let transform = transforms.get(&node).copied();
                 let axes = transform.and_then(|number| self.said.transforms[number].axes());
                 if kind == Kind::Boundary && axes.is_some() {
-                    let text = "*BOUNDARY: directions are those of the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
+                    let text = "*BOUNDARY: directions must be the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
                     if reported.insert(load.line) {
                         self.refuse(load.line, "TRANSFORM", text);
                     }
@@ -218,7 +217,8 @@ impl<const D: usize> Translation<'_, '_, D> {
         for ((node, component), track) in &tracks.all {
             if let (Kind::Boundary, Some(line)) = (kind, track.changes()) {
                 if reported.insert(line) {
-                    let text = "*BOUNDARY: a support cannot come or go between steps; with OP=NEW state all of those before again";
+                    let text = "*BOUNDARY: supports cannot be added or removed between steps; with OP=NEW repeat all \
+                                earlier ones";
                     self.refuse(line, "BOUNDARY", text);
                 }
                 continue;
@@ -229,7 +229,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             }
             let transform = transforms.get(node).copied();
             let bits = values.iter().map(|v| v.to_bits()).collect();
-            // A node of no body has its force on one that moves as it does, beside what that one has itself.
+            // The force on a node without a body acts on a node that moves alike, in addition to that node's own.
             let bare = Some(*node).filter(|&node| !self.used[node as usize]);
             let origin = match bare {
                 None => track.origin.clone(),
@@ -263,7 +263,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// About a node that is none of a body.
+    /// Reports a node that belongs to no body.
     fn unused(&mut self, kind: Kind, line: usize, reported: &mut BTreeSet<usize>) {
         if !reported.insert(line) {
             return;
@@ -273,13 +273,13 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.refuse(
                     line,
                     "CLOAD",
-                    "*CLOAD: a node that no element of a body has",
+                    "*CLOAD: this node belongs to no element of a body",
                 );
             }
             _ => {
                 let place = (self.place)(line);
                 self.notes.push(format!(
-                    "{place}: nodes that no element of a body has are left out"
+                    "{place}: nodes that belong to no element of a body are left out"
                 ));
             }
         }
@@ -408,13 +408,13 @@ impl Transform<'_> {
         (!self.cylindrical).then(|| [first, cross(third, first), third])
     }
 
-    /// A vector along its directions, as numbers or expressions along x, y and z; empty where there is none.
+    /// A vector along its directions, as numbers or expressions along x, y and z; empty if it vanishes.
     fn turned(&self, components: impl Iterator<Item = (usize, f64)>) -> [String; 3] {
         let mut along = [0.0; 3];
         components.for_each(|(c, value)| along[c] += value);
         if let Some(axes) = self.axes() {
             return std::array::from_fn(|g| {
-                // What is left of a cosine of a right angle is rounding.
+                // The cosine of a right angle is only rounding.
                 let terms = (0..3).map(|c| along[c] * axes[c][g]);
                 let sum: f64 = terms.clone().sum();
                 match sum.abs() > 1e-14 * terms.fold(0.0, |most, term| f64::max(most, term.abs())) {

@@ -41,7 +41,7 @@ fn the_nearest_point_is_balanced_and_nearest() {
         };
         let near = balance.nearest(&x, project);
         assert!(near.balanced && norm_max(&near.imbalance) < 1e-12);
-        // λ − x − Gᵀη is orthogonal to all that is feasible: no nearer point on the way to another one.
+        // λ − x − Gᵀη is orthogonal to every feasible direction: no feasible point is nearer.
         for seed in 1..20 {
             let y: Vec<f64> = (0..2 * m).map(|i| ((i * seed) % 7) as f64 - 3.0).collect();
             let other = balance.nearest(&y, project).lambda;
@@ -53,7 +53,7 @@ fn the_nearest_point_is_balanced_and_nearest() {
     }
 }
 
-/// A lever on nodes beyond its pin, but for one that is this little on the other side: a large force there holds it.
+/// A lever on nodes beyond its pin, except one that is this little on the other side: a large force there holds it.
 #[test]
 fn a_tiny_arm_is_an_arm() {
     for arm in [1e-3, 1e-4, 1e-5, 0.0, -1e-5] {
@@ -75,8 +75,8 @@ fn a_tiny_arm_is_an_arm() {
     }
 }
 
-/// A frictionless slope of 1e-4 carries a push by forces 1e4 times as large: what the tangential ones would be says nothing of
-/// the rounding of those.
+/// A frictionless slope of 1e-4 carries a push by forces 1e4 times as large: virtual tangential forces say nothing about their
+/// rounding.
 #[test]
 fn a_gentle_slope_without_friction_holds() {
     for slope in [1e-2, 1e-4, 1e-6] {
@@ -92,7 +92,7 @@ fn a_gentle_slope_without_friction_holds() {
 }
 
 #[test]
-fn what_cannot_be_balanced_is_told() {
+fn an_imbalance_is_reported() {
     let m = 7;
     let g = block(m);
     // Friction carries 0.3 · 5 at most; the block is pushed along x.

@@ -11,8 +11,7 @@ const SHAPES: [SolidShape; 3] = [
     SolidShape::Wedge,
 ];
 
-/// A mesh with a boundary "skin" all around it: the facets that one element has, by their nodes alone and named from
-/// inside.
+/// A mesh with a boundary "skin" all around it: the facets of exactly one element, listed by their nodes from inside.
 fn with_skin(nodes: Vec<[f64; 3]>, elements: Vec<mesh::Element<3>>) -> Mesh<3> {
     let mut owners: HashMap<Vec<u32>, (usize, Facet<3>)> = HashMap::new();
     for facet in elements.iter().flat_map(mesh::Element::facets) {
@@ -33,7 +32,7 @@ fn with_skin(nodes: Vec<[f64; 3]>, elements: Vec<mesh::Element<3>>) -> Mesh<3> {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A block of 2 × 3 × 2 cells with no two faces alike, none of them flat.
+/// A block of 2 × 3 × 2 cells, all of whose faces differ and none of which is flat.
 fn distorted(shape: SolidShape) -> Mesh<3> {
     let mut mesh = block([0.0; 3], [2.0, 1.5, 1.0], [2, 3, 2], shape, "body", "");
     for (i, x) in (1..).zip(&mut mesh.nodes) {
@@ -102,7 +101,7 @@ fn shape_functions_in_space_are_those_of_linear_fields() {
 
 /// Whether the stresses at the corners are those of a field that the points determine.
 #[test]
-fn solids_extrapolate_what_is_linear_along_each_axis() {
+fn solids_extrapolate_fields_linear_along_each_axis() {
     struct Corners;
     impl Visit<3> for Corners {
         type Output = ();
@@ -201,7 +200,7 @@ fn von_mises_of_simple_states() {
 }
 
 #[test]
-fn rigid_motions_in_space_take_no_force_and_nothing_else_does() {
+fn only_rigid_motions_in_space_take_no_force() {
     for mesh in solids() {
         let motions: [fn([f64; 3]) -> [f64; 3]; 6] = [
             |_| [1.0, 0.0, 0.0],
@@ -251,7 +250,7 @@ fn rigid_motions_in_space_take_no_force_and_nothing_else_does() {
 }
 
 /// ∮ n ds = 0 and ∮ x·n ds = 3 V, ∮ ½ x² n_x ds = ∫ x dV, ∮ ⅓ z³ n_z ds = ∫ z² dV: normals look outward, and faces,
-/// elements and measures agree on warped faces. The last is what nodal shares of a linear load do on linear
+/// elements and measures agree on warped faces. The last is the work of the nodal shares of a linear load on linear
 /// displacements.
 #[test]
 fn closed_surfaces_hold_their_volume() {
@@ -388,7 +387,7 @@ fn a_pressure_on_a_warped_face_follows_its_normal() {
             assert_relative_eq!(forces[node as usize][c], expected[c], epsilon = 1e-5);
         }
     }
-    // The mesh has the mean normal, and the area as near as four points tell.
+    // The mesh has the mean normal, and the area to the accuracy of four points.
     let (area, normal) = cube.facet_normal(&top[0]);
     let whole = total(&forces).map(|f| -0.5 * f);
     let length = whole.iter().map(|v| v * v).sum::<f64>().sqrt();

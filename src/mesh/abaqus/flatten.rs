@@ -15,7 +15,7 @@ pub(super) struct Placed<'a> {
     pub part: &'a Part,
     /// In capitals; empty outside of instances.
     pub key: String,
-    /// What the names of its sets begin with.
+    /// The prefix of its sets.
     pub prefix: String,
     pub first_node: u32,
     pub first_element: u32,
@@ -39,7 +39,7 @@ const DEEPEST: usize = 50;
 pub(super) struct Flat<'a> {
     pub placed: Vec<Placed<'a>>,
     pub raw: Raw,
-    /// What the elements are, and where their nodes begin.
+    /// The kind of each element, and the start of its nodes.
     cells: Vec<(Cell, usize)>,
     nodes_of_cells: Vec<u32>,
     pub tags: HashMap<String, i64>,
@@ -65,7 +65,7 @@ impl<'a> Flat<'a> {
         Ok(flat)
     }
 
-    /// What the file adds up to.
+    /// The whole contents of the file.
     pub(super) fn finish(mut self, assembly: &Assembly) -> Raw {
         self.add_elements();
         self.add_boundaries();
@@ -79,7 +79,7 @@ impl<'a> Flat<'a> {
         self.raw
     }
 
-    /// Puts the parts where their instances say, what stands outside of them last.
+    /// Places the parts as their instances say, and the data outside of parts last.
     fn place(assembly: &'a Assembly) -> Result<Self> {
         let mut flat = Self {
             placed: Vec::new(),
@@ -103,7 +103,7 @@ impl<'a> Flat<'a> {
             flat.add(part, &instance.name, |x| moved(instance, x))?;
         }
         if assembly.instances.is_empty() {
-            // Parts without an assembly stand as they were drawn.
+            // Parts without an assembly stay as drawn.
             for (name, part) in &assembly.parts {
                 flat.add(part, name, |x| x)?;
             }
@@ -153,7 +153,7 @@ impl<'a> Flat<'a> {
         (cell, &self.nodes_of_cells[begin..][..cell.n_nodes()])
     }
 
-    /// How many elements there are, of bodies and others.
+    /// The number of elements, of bodies and others.
     #[cfg(feature = "case")]
     pub(super) fn n_cells(&self) -> usize {
         self.cells.len()
@@ -167,7 +167,7 @@ impl<'a> Flat<'a> {
         self.cells.iter().any(is_solid)
     }
 
-    /// Whether an element is one of a body: in space a volume, else a surface.
+    /// Whether an element belongs to a body: in space a volume, in the plane a surface.
     #[cfg(feature = "case")]
     pub(super) fn is_body(&self, number: usize, is_solid: bool) -> bool {
         let (cell, _) = self.cells[number];
@@ -185,7 +185,8 @@ impl<'a> Flat<'a> {
         let (part, prefix) = (self.placed[number].part, self.placed[number].prefix.clone());
         let visible = |sets: &'a Sets| sets.iter().filter(|(_, set)| !set.internal);
         for (name, set) in visible(&part.element_sets) {
-            // CAE makes an element set beside the node set of each face that it names: no region, if sections name others.
+            // CAE makes an element set beside the node set of each face that it names: it is not a region, if sections
+            // name others.
             let twin = part.node_sets.contains_key(name);
             let has_section = assembly.sections.contains(name);
             if twin && !has_section && !assembly.sections.is_empty() {
@@ -237,7 +238,7 @@ impl<'a> Flat<'a> {
                     self.boundaries.push((tag, corners));
                 } else {
                     let text = format!(
-                        "surface \"{}\": {side} is no face of such an element",
+                        "surface \"{}\": {side} is not a face of this element",
                         surface.name
                     );
                     return Err(Failure::line(*line, text));
@@ -392,7 +393,7 @@ impl<'a> Flat<'a> {
         })
     }
 
-    /// Hands the elements over with the sets that they are in.
+    /// Passes the elements on with their sets.
     fn add_elements(&mut self) {
         self.regions.sort_unstable();
         self.regions.dedup();
@@ -416,7 +417,7 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// Hands the facets of surfaces over, and those of node sets.
+    /// Passes on the facets of surfaces, and those of node sets.
     fn add_boundaries(&mut self) {
         let is_solid = !self.raw.solids.is_empty();
         let mut all = std::mem::take(&mut self.boundaries);
@@ -461,8 +462,8 @@ impl<'a> Flat<'a> {
     }
 }
 
-/// The nodes of the facets that one element has, with how many of them are corners, which come first; and which of so many
-/// nodes lie in the middle of sides.
+/// The nodes of the facets that belong to exactly one element, corners first, with the number of corners; and the midside
+/// nodes among so many nodes.
 fn outer<const D: usize>(
     elements: &[Element<D>],
     n_nodes: usize,

@@ -13,7 +13,7 @@ use crate::mesh::file::{self, Failure, FileError};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-/// A line of the text, from 1, and what is wrong there.
+/// A line of the text, from 1, and its fault.
 pub(crate) type Wrong = (usize, String);
 
 /// A keyword with its data lines.
@@ -21,7 +21,7 @@ pub(crate) struct Card<'a> {
     pub keyword: Keyword<'a>,
     /// Each with its number.
     pub data: Vec<(usize, &'a str)>,
-    /// The name of the part that it stands in, in capitals.
+    /// The name of its part, in capitals.
     pub part: Option<String>,
 }
 
@@ -35,7 +35,7 @@ impl Deck {
     /// Reads a deck with all files that it names.
     ///
     /// # Errors
-    /// If a file cannot be read, or something about nodes, elements or sets makes no sense.
+    /// If a file cannot be read, or nodes, elements or sets are invalid.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = file::bytes(path)?;
         let text = Text::new(path, &String::from_utf8_lossy(&bytes), true)?;
@@ -49,7 +49,7 @@ impl Deck {
         }
     }
 
-    /// Types of elements that there are none of here: line, name, why not.
+    /// Unsupported types of elements: line, name, reason.
     pub fn unknown_elements(&self) -> &[(usize, String, String)] {
         &self.assembly.unknown
     }
@@ -59,7 +59,7 @@ impl Deck {
         self.text.place(line)
     }
 
-    /// That a line is not what it should be.
+    /// The error about a faulty line.
     pub fn error(&self, (line, message): Wrong) -> FileError {
         self.text.locate(Failure::line(line, message))
     }
@@ -95,10 +95,10 @@ impl Deck {
         cards
     }
 
-    /// What its names stand for.
+    /// The meaning of its names.
     ///
     /// # Errors
-    /// If its sets or surfaces name what does not exist.
+    /// If its sets or surfaces refer to missing data.
     pub fn index(&self) -> Result<Index<'_>, FileError> {
         match Flat::new(&self.assembly) {
             Ok(flat) => Ok(Index {
@@ -111,7 +111,7 @@ impl Deck {
     }
 }
 
-/// What the names of a deck stand for. Nodes and elements are counted from 0.
+/// The meaning of the names of a deck. Nodes and elements are counted from 0.
 pub(crate) struct Index<'a> {
     deck: &'a Deck,
     flat: Flat<'a>,
@@ -121,9 +121,9 @@ pub(crate) struct Index<'a> {
 
 /// A surface that a deck names.
 pub(crate) struct Surface {
-    /// As it is called in the mesh.
+    /// Its name in the mesh.
     pub name: String,
-    /// Its nodes, where it is one of nodes.
+    /// Its nodes, for a surface of nodes.
     pub nodes: Option<Vec<u32>>,
 }
 
@@ -136,22 +136,22 @@ fn wrong(failure: Failure) -> Wrong {
 }
 
 impl Index<'_> {
-    /// What stands outside of parts.
+    /// The number of the data outside of parts.
     fn root(&self) -> usize {
         self.flat.placed.len() - 1
     }
 
-    /// The nodes of a set, or the one of this number; sorted.
+    /// The nodes of a set, or the node with this number; sorted.
     pub fn nodes(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
         (self.flat.named(self.root(), true, line, what)).map_err(wrong)
     }
 
-    /// The elements of a set, or the one of this number; sorted.
+    /// The elements of a set, or the element with this number; sorted.
     pub fn elements(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
         (self.flat.named(self.root(), false, line, what)).map_err(wrong)
     }
 
-    /// The elements of a set of a part, wherever that is placed, each with the name of the set there.
+    /// The elements of a set of a part in all of its instances, each with the name of the set there.
     pub fn elements_of_part(
         &self,
         line: usize,
@@ -177,7 +177,7 @@ impl Index<'_> {
         Ok(all)
     }
 
-    /// What a set is called in the mesh; None of a number.
+    /// The name of a set in the mesh; None for a number.
     pub fn set_name(&self, of_nodes: bool, what: &str) -> Option<String> {
         let what = key(what);
         self.flat.placed.iter().rev().find_map(|placed| {
@@ -222,7 +222,7 @@ impl Index<'_> {
         Ok(Surface { name, nodes })
     }
 
-    /// The corners of a face of an element, numbered as in the deck; None if it has no such face or is none of a body.
+    /// The corners of a face of an element, numbered as in the deck; None if it has no such face or belongs to no body.
     fn face(&self, element: u32, number: usize) -> Option<Vec<u32>> {
         let (cell, nodes) = self.flat.cell(element as usize);
         let corners = face(cell, number)?;
@@ -261,7 +261,7 @@ impl Index<'_> {
         self.flat.n_cells()
     }
 
-    /// Whether an element is one of a body, and no point, line or facet.
+    /// Whether an element belongs to a body, and is not a point, line or facet.
     pub fn is_of_body(&self, element: u32) -> bool {
         self.flat.is_body(element as usize, self.is_solid)
     }
@@ -292,7 +292,7 @@ impl Index<'_> {
         matches!(cell, Cell::Element(kind) if kind.may_have_modes())
     }
 
-    /// Whether the mesh is one of space.
+    /// Whether the mesh is in space.
     pub fn is_solid(&self) -> bool {
         self.is_solid
     }
@@ -338,7 +338,7 @@ impl Index<'_> {
         nodes
     }
 
-    /// Adds a set of nodes to the mesh, unless it has one of this name with these already.
+    /// Adds a set of nodes to the mesh, unless it already has one of this name with these nodes.
     pub fn add_nodes(&mut self, name: &str, nodes: &[u32]) {
         let set = (name.to_owned(), nodes.to_vec());
         self.flat.raw.node_sets.push(set);
@@ -351,7 +351,7 @@ impl Index<'_> {
         self.flat.regions.extend(elements);
     }
 
-    /// Makes faces a boundary; each has to be one.
+    /// Makes faces a boundary; each has to be a face of the mesh.
     pub fn add_boundary(&mut self, name: &str, faces: &[(u32, usize)]) {
         let tag = self.flat.tag(name.to_owned());
         for &(element, number) in faces {

@@ -12,12 +12,12 @@ pub(crate) struct Keyword<'a> {
     pub options: Vec<(String, &'a str)>,
 }
 
-/// Whether a line without blanks around it begins a keyword, and is no comment.
+/// Whether a trimmed line begins a keyword, and is not a comment.
 pub(crate) fn is_keyword(line: &str) -> bool {
     line.starts_with('*') && !line.starts_with("**")
 }
 
-/// A name as it is compared: capitals do not matter, nor do quotation marks.
+/// A name in the form for comparisons: capitals do not matter, nor do quotation marks.
 pub(crate) fn key(name: &str) -> String {
     plain(name).to_uppercase()
 }
@@ -28,7 +28,7 @@ pub(crate) fn plain(name: &str) -> &str {
 }
 
 impl<'a> Keyword<'a> {
-    /// Reads a keyword line; None if `line` is none.
+    /// Reads a keyword line; None if `line` is not one.
     pub fn parse(line: usize, text: &'a str) -> Option<Self> {
         let text = text.trim();
         if !is_keyword(text) {
@@ -49,7 +49,7 @@ impl<'a> Keyword<'a> {
         Some(keyword)
     }
 
-    /// Adds the options of a line, the first one of the keyword or one that goes on with it.
+    /// Adds the options of a line, either the first line of the keyword or a continuation.
     fn add(&mut self, parts: impl Iterator<Item = &'a str>) {
         let options = parts.filter(|part| !part.trim().is_empty()).map(|part| {
             let (name, value) = part.split_once('=').unwrap_or((part, ""));
@@ -73,7 +73,7 @@ impl<'a> Keyword<'a> {
         found.map(|option| option.1)
     }
 
-    /// The value of an option that has to be there.
+    /// The value of a required option.
     pub(in crate::mesh) fn needed(&self, name: &str) -> Result<&'a str> {
         match self.option(name) {
             Some(value) if !value.is_empty() => Ok(value),

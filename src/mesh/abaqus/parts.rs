@@ -1,4 +1,4 @@
-//! What stands in a file: parts, where they are placed, and their nodes, elements, sets and surfaces.
+//! The contents of a file: parts, their instances, and their nodes, elements, sets and surfaces.
 
 use super::keyword::{Keyword, entries, key, label, number, plain};
 use super::types::{cell, has_modes, note, order};
@@ -6,16 +6,16 @@ use super::{Failure, Result};
 use crate::mesh::file::raw::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// A part, or what stands outside of all parts: a flat file, or the assembly.
+/// A part, or the data outside of all parts: a flat file, or the assembly.
 #[derive(Default)]
 pub(super) struct Part {
     pub nodes: Vec<[f64; 3]>,
     pub node_of: HashMap<u64, u32>,
-    /// What they are, and where the numbers of their nodes begin.
+    /// The kind of each element, and the start of its node numbers.
     pub elements: Vec<(Cell, usize)>,
     /// The numbers of the nodes of all elements, in our order.
     pub labels: Vec<u64>,
-    /// The lines that the elements stand in.
+    /// The line of each element.
     pub lines: Vec<usize>,
     pub element_of: HashMap<u64, u32>,
     /// Those with incompatible modes.
@@ -31,15 +31,15 @@ pub(super) type Sets = BTreeMap<String, Set>;
 /// A set of nodes or of elements.
 #[derive(Default)]
 pub(super) struct Set {
-    /// As it is written.
+    /// As written in the file.
     pub name: String,
-    /// Whether it is there for surfaces alone.
+    /// Whether only surfaces use it.
     pub internal: bool,
     /// Each with the line that names it.
     pub members: Vec<(usize, Member)>,
 }
 
-/// What a set names.
+/// A member of a set.
 pub(super) enum Member {
     /// A node or an element: of an instance (in capitals), or of the part itself.
     One(Option<String>, u64),
@@ -54,7 +54,7 @@ pub(super) struct Surface {
     pub name: String,
     /// Whether it consists of nodes rather than of faces.
     pub of_nodes: bool,
-    /// The line, a set or a number, and what it says of it: `S3`, or nothing.
+    /// The line, a set or a number, and its side: `S3`, or empty.
     pub faces: Vec<(usize, String, String)>,
 }
 
@@ -67,34 +67,34 @@ pub(super) struct Instance {
     pub shift: [f64; 3],
     /// Two points of an axis, and degrees about it.
     pub turn: Option<[f64; 7]>,
-    /// How many data lines there were.
+    /// The number of data lines so far.
     rows: usize,
 }
 
 /// A file.
 #[derive(Default)]
 pub(super) struct Assembly {
-    /// What stands outside of parts.
+    /// The data outside of parts.
     pub root: Part,
     /// Names as written, in the order of the file.
     pub parts: Vec<(String, Part)>,
     pub instances: Vec<Instance>,
     /// The element sets that sections name, in capitals.
     pub sections: HashSet<String>,
-    /// What elements are taken for.
+    /// Notes on elements that are read as another type.
     pub notes: BTreeSet<String>,
-    /// Of a whole deck: types of elements that there are none of here, each with its line, its name and why not. Their elements
-    /// stand for the sets that name them, but are none of the mesh.
+    /// For a whole deck: unsupported types of elements, each with its line, its name and the reason. Their elements remain in
+    /// the sets that name them, but are not in the mesh.
     pub unknown: Vec<(usize, String, String)>,
 }
 
-/// What the data lines belong to.
+/// The owner of the data lines.
 enum Block<'a> {
     Skip,
     Nodes(Option<&'a str>),
     /// With incompatible modes or without.
     Elements(Cell, bool, Option<&'a str>),
-    /// Those of a type that there is none of here.
+    /// Elements of an unsupported type.
     Unknown(Option<&'a str>),
     Set {
         of_nodes: bool,
@@ -110,12 +110,12 @@ enum Block<'a> {
 #[derive(Default)]
 struct Reader<'a> {
     assembly: Assembly,
-    /// The part that is open.
+    /// The open part.
     part: Option<usize>,
     in_instance: bool,
-    /// An element whose nodes go on in the next line.
+    /// An element whose nodes continue on the next line.
     begun: Vec<&'a str>,
-    /// Whether all that is not known is collected, instead of refused at once.
+    /// Whether unknown entries are collected, instead of refused at once.
     collects: bool,
 }
 
@@ -159,14 +159,14 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// What a keyword begins: a line of the match for each that is known.
+    /// Opens the block of a keyword: a line of the match for each supported one.
     fn keyword(&mut self, k: &Keyword<'a>) -> Result<Block<'a>> {
         let refuse = |what: &str| Err(Failure::line(k.line, format!("*{}: {what}", k.name)));
         let option = |name| k.option(name).filter(|value| !value.is_empty());
         if self.in_instance && matches!(k.name.as_str(), "NODE" | "ELEMENT") {
             self.open_own_part(k)?;
         }
-        // A set that stands in an instance is one of its part.
+        // A set inside an instance belongs to its part.
         let of_instance = match self.assembly.instances.last() {
             Some(instance) if self.in_instance && self.part.is_none() => Some(key(&instance.name)),
             _ => option("INSTANCE").map(key),
@@ -199,7 +199,7 @@ impl<'a> Reader<'a> {
                     Err(text) => return Err(Failure::line(k.line, text)),
                 }
             }
-            // Numbers of entities of Gmsh that meshio hands on as if they were of elements.
+            // Numbers of entities of Gmsh that meshio passes on as if they belonged to elements.
             "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
                 Block::Skip
             }
@@ -252,15 +252,15 @@ impl<'a> Reader<'a> {
             }
             "NGEN" | "NFILL" | "NCOPY" | "ELGEN" | "ELCOPY" | "NMAP" => {
                 return refuse(
-                    "nodes and elements have to be written out: let the program write a whole input file",
+                    "nodes and elements must be listed one by one: let the program write a complete input file",
                 );
             }
-            "SYSTEM" => return refuse("coordinates have to be those of the whole model"),
+            "SYSTEM" => return refuse("coordinates must be global"),
             _ => Block::Skip,
         })
     }
 
-    /// An instance that is meshed by itself has nodes and elements of its own, and its part has none.
+    /// An instance with its own mesh has its own nodes and elements, and its part has none.
     fn open_own_part(&mut self, keyword: &Keyword) -> Result<()> {
         let instance = self.assembly.instances.last_mut();
         let (Some(instance), None) = (instance, self.part) else {
@@ -275,7 +275,7 @@ impl<'a> Reader<'a> {
                 "an instance has nodes or elements of its own beside those of its part: let the program write a flat file",
             ));
         }
-        // No part of the file is called so.
+        // No part of the file has this name.
         let name = format!("*{}", instance.name);
         instance.part = key(&name);
         self.part = Some(parts.len());
@@ -283,7 +283,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Makes a set, unless it is there already and goes on.
+    /// Makes a set, or reopens an existing one.
     fn named_set(&mut self, of_nodes: bool, keyword: &Keyword, name: &str) -> String {
         let internal = keyword.option("INTERNAL").is_some();
         let part = self.current();
@@ -329,7 +329,7 @@ impl<'a> Reader<'a> {
                 if entries.next().is_some() {
                     return Err(Failure::line(
                         line,
-                        "a surface names a set or a number and its side, one in a line",
+                        "each line of a surface needs a set or an element number, and a side",
                     ));
                 }
                 let surface = self.current().surfaces.get_mut(key);
@@ -350,11 +350,11 @@ impl<'a> Reader<'a> {
                 *x = number(line, entry)?;
             }
         }
-        // A node may have the direction of a normal behind its place, which shells use.
+        // A node may have a normal after its coordinates, which shells use.
         if all.count() > 3 {
             return Err(Failure::line(
                 line,
-                format!("node {node} has more entries than its place and a direction"),
+                format!("node {node} has more entries than coordinates and a direction"),
             ));
         }
         if !x.iter().all(|v| v.is_finite()) {
@@ -366,7 +366,7 @@ impl<'a> Reader<'a> {
         let part = self.current();
         let next = part.nodes.len() as u32;
         if part.node_of.insert(node, next).is_some() {
-            return Err(Failure::line(line, format!("node {node} stands twice")));
+            return Err(Failure::line(line, format!("node {node} is listed twice")));
         }
         part.nodes.push(x);
         if let Some(name) = set {
@@ -392,13 +392,13 @@ impl<'a> Reader<'a> {
         while all.len() > wanted && all.last().is_some_and(|last| last.is_empty()) {
             all.pop();
         }
-        // A beam may have one more, which says how its section lies.
+        // A beam may have one more node, for the orientation of its section.
         let most = wanted + usize::from(matches!(cell, Cell::Line | Cell::Line3));
         if !(wanted..=most).contains(&all.len()) {
             return Err(Failure::line(
                 line,
                 format!(
-                    "an element of this type has {} nodes, here are {}",
+                    "an element of this type has {} nodes, but {} are given",
                     cell.n_nodes(),
                     all.len() - 1
                 ),
@@ -412,7 +412,7 @@ impl<'a> Reader<'a> {
         {
             return Err(Failure::line(
                 line,
-                "an element of second order without some of its midsides: write all of its nodes",
+                "this element of second order lacks some midside nodes: write all of its nodes",
             ));
         }
         let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
@@ -422,7 +422,7 @@ impl<'a> Reader<'a> {
         if part.element_of.insert(element, next).is_some() {
             return Err(Failure::line(
                 line,
-                format!("element {element} stands twice"),
+                format!("element {element} is listed twice"),
             ));
         }
         if modes {
@@ -440,7 +440,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// An element of a type that is not known: a point at its first node.
+    /// An element of an unknown type: a point at its first node.
     fn unknown(&mut self, line: usize, text: &'a str, set: Option<&str>) -> Result<()> {
         self.begun.extend(entries(text));
         if text.ends_with(',') {
@@ -489,8 +489,8 @@ impl<'a> Reader<'a> {
             _ => {
                 return Err(Failure::line(
                     line,
-                    "an instance has a line with its shift (3 numbers) and one with its rotation (7: two points and an \
-                     angle in degrees)",
+                    "an instance takes one line with its shift (3 numbers) and one with its rotation (7: two points \
+                     and an angle in degrees)",
                 ));
             }
         }
@@ -507,7 +507,7 @@ fn add(sets: &mut Sets, name: &str, line: usize, member: u64) {
     set.members.push((line, Member::One(None, member)));
 }
 
-/// What a data line of a set names.
+/// The members in a data line of a set.
 fn members(
     line: usize,
     text: &str,

@@ -1,4 +1,4 @@
-//! A file with the text of the files that it names (`INPUT=`) in the places where they belong.
+//! A file with the texts of the files that it includes (`INPUT=`), each in its place.
 
 use super::keyword::Keyword;
 use crate::input;
@@ -9,9 +9,9 @@ use std::path::{Component, Path, PathBuf};
 #[derive(Default)]
 pub(super) struct Text {
     pub text: String,
-    /// How many lines these are.
+    /// The number of lines.
     lines: usize,
-    /// Where they come from, in order.
+    /// Their origins, in order.
     pieces: Vec<Piece>,
     /// Whether data of all keywords are read from the files that they name.
     whole: bool,
@@ -20,14 +20,14 @@ pub(super) struct Text {
 /// Lines of a file one after another.
 struct Piece {
     path: PathBuf,
-    /// How many lines come before it, of all and in its file.
+    /// The number of lines before it, of all and in its file.
     before: [usize; 2],
 }
 
 /// Files go into files no deeper than this: Abaqus itself allows for five.
 const DEEPEST: usize = 10;
 
-/// The keywords whose data are read for a mesh, so that they may stand in another file.
+/// The keywords whose data a mesh needs, and which may therefore be in another file.
 const READ: [&str; 5] = ["NODE", "ELEMENT", "NSET", "ELSET", "SURFACE"];
 
 impl Text {
@@ -35,7 +35,7 @@ impl Text {
     /// of any keyword.
     ///
     /// # Errors
-    /// If one of these cannot be read: with the line that names it.
+    /// If one of these cannot be read: with the line that includes it.
     pub fn new(path: &Path, text: &str, whole: bool) -> Result<Self, FileError> {
         let mut all = Self {
             whole,
@@ -47,13 +47,13 @@ impl Text {
 
     /// The file and the line of it that a line of the whole text comes from.
     pub fn place(&self, number: usize) -> (&Path, usize) {
-        // Of pieces that begin at the same line all but the last are empty.
+        // Of pieces that begin at the same line, all except the last are empty.
         let after = (self.pieces).partition_point(|piece| piece.before[0] < number);
         let Piece { path, before } = &self.pieces[after.max(1) - 1];
         (path, number - before[0] + before[1])
     }
 
-    /// What is wrong, with the file and the line of it where it is.
+    /// The error, with its file and the line there.
     pub fn locate(&self, failure: Failure) -> FileError {
         match failure {
             Failure::Line { number, message } => {
@@ -64,7 +64,7 @@ impl Text {
         }
     }
 
-    /// Adds a file; those that it names are in the folder `place`.
+    /// Adds a file; its included files are in the folder `place`.
     fn add(
         &mut self,
         path: &Path,
@@ -97,24 +97,24 @@ impl Text {
                 Failure::line(line, format!("*{}: {message}", keyword.name)).of(path)
             };
             let Some(name) = input.filter(|name| !name.is_empty()) else {
-                return Err(failed("INPUT= has to name a file".to_owned()));
+                return Err(failed("INPUT= must name a file".to_owned()));
             };
             if is_include {
-                // The text of the file stands in its place.
+                // The text of the file replaces the keyword.
                 self.text.truncate(before.0);
                 self.lines = before.1;
             }
             let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
             if !Path::new(name).components().all(inside) {
                 return Err(failed(format!(
-                    "{name} has to lie in the folder of the first file, or below: name it from there"
+                    "{name} must be in the folder of the first file, or below it: give its path from there"
                 )));
             }
             let file = place.join(name);
             let shown = file.display();
             if depth == DEEPEST {
                 return Err(failed(format!(
-                    "{DEEPEST} files name each other up to {shown}: does one name itself?"
+                    "{DEEPEST} files include each other down to {shown}: does one include itself?"
                 )));
             }
             let left = input::data_limit().saturating_sub(self.text.len());
@@ -126,7 +126,7 @@ impl Text {
         Ok(())
     }
 
-    /// What comes now is from `path`, after so many of its lines.
+    /// The following lines are from `path`, after so many of its lines.
     fn begin(&mut self, path: &Path, line: usize) {
         self.pieces.push(Piece {
             path: path.to_owned(),

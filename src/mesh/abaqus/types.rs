@@ -3,7 +3,7 @@
 use crate::mesh::ElementKind;
 use crate::mesh::file::raw::Cell;
 
-/// What to write instead of a type that is not known.
+/// Supported types to use instead of an unknown one.
 pub(super) const KNOWN: &str = "CPE3, CPE4, CPE6, CPE8 (or CPS, CAX) in the plane, C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or \
                                 C3D20 in space";
 
@@ -37,7 +37,7 @@ const VARIANTS: [&str; 17] = [
     "", "R", "I", "H", "M", "RH", "IH", "MH", "T", "RT", "HT", "MT", "RHT", "MHT", "S", "HS", "E",
 ];
 
-/// The cells of shells, membranes, rigid faces, beams and trusses, which bound bodies, and of what stands at a node.
+/// The cells of shells, membranes, rigid faces, beams and trusses, which bound bodies, and of point elements at a node.
 const BOUNDS: [(&[&str], &[&str], Cell); 8] = [
     (
         &["S3", "R3D3", "M3D3", "SFM3D3", "STRI3"],
@@ -77,14 +77,14 @@ const BOUNDS: [(&[&str], &[&str], Cell); 8] = [
     (&["MASS", "ROTARYI"], &[""], Cell::Point),
 ];
 
-/// The cells of springs, whose stiffness a deck says.
+/// The cells of springs, whose stiffness a deck states.
 const SPRINGS: [(&str, Cell); 3] = [
     ("SPRINGA", Cell::Link),
     ("SPRING1", Cell::Point),
     ("SPRING2", Cell::Link),
 ];
 
-/// The cell of a type of element, of a `deck` or of a mesh alone; if there is none here, why not and what to do.
+/// The cell of a type of element, of a `deck` or of a mesh alone; if it is not supported, the reason and the remedy.
 pub(super) fn cell(name: &str, deck: bool) -> Result<Cell, String> {
     let name = name.to_uppercase();
     let mut springs = SPRINGS.iter().filter(|_| deck);
@@ -103,14 +103,15 @@ pub(super) fn cell(name: &str, deck: bool) -> Result<Cell, String> {
     }
     Err(if name.starts_with("CGAX") {
         format!(
-            "{name} is an axisymmetric element that twists: a body of revolution moves in planes through its axis here (CAX3, CAX4 …)"
+            "{name} is an axisymmetric element with twist: here a body of revolution moves only in planes through its \
+             axis (CAX3, CAX4 …)"
         )
     } else {
         format!("elements of type {name} are not supported: use {KNOWN}")
     })
 }
 
-/// The plain type of a body, and the variant of it that a name says.
+/// The plain type of an element of a body, and the variant in its name.
 fn variant(name: &str) -> Option<(&'static str, ElementKind, String)> {
     let name = name.to_uppercase();
     let mut known = BODIES.iter();
@@ -128,32 +129,32 @@ pub(super) fn has_modes(name: &str) -> bool {
         .is_some_and(|(_, kind, variant)| variant.starts_with('I') && kind.may_have_modes())
 }
 
-/// What a type is taken for, if that is not what its name says; elements with incompatible modes are what they are in a `deck`. (All
-/// else that the variants are for has another remedy here: elements for nearly incompressible bodies, and those of second order.)
+/// The type that an element is read as, if that differs from its name; a `deck` keeps elements with incompatible modes. (The other
+/// purposes of variants have other remedies here: elements for nearly incompressible bodies, and those of second order.)
 pub(super) fn note(name: &str, deck: bool) -> Option<String> {
     let (plain, kind, variant) = variant(name)?;
     let name = name.to_uppercase();
     let with_modes = match deck {
-        true => format!("{plain}I, with incompatible modes, bends as it should"),
-        false => "incompatible_modes = true of its material mends that".to_owned(),
+        true => format!("{plain}I, with incompatible modes, avoids that"),
+        false => "incompatible_modes = true in its material avoids that".to_owned(),
     };
     if has_modes(&name) {
         return (!deck).then(|| {
-            format!("{name} is taken for {plain}, without incompatible modes, and is stiffer in bending: {with_modes}")
+            format!("{name} is read as {plain}, without incompatible modes, and is stiffer in bending: {with_modes}")
         });
     }
     if !variant.contains(['R', 'M']) {
         return None;
     }
-    let taken = format!("{name} is taken for {plain}, with full integration");
+    let taken = format!("{name} is read as {plain}, with full integration");
     Some(match kind.may_have_modes() {
         true => format!("{taken}, and is stiffer in bending: {with_modes}"),
         false => taken,
     })
 }
 
-/// Where the nodes of an element of a kind stand in the file, if not as they do here: the middle of a hexahedron before those
-/// of its faces, in the order of [`face`], and the middle of a line between its ends.
+/// The order of the nodes of a kind in the file, if it differs from the order here: the middle of a hexahedron precedes those
+/// of its faces, in the order of [`face`], and the middle of a line is between its ends.
 pub(super) fn order(cell: Cell) -> Option<&'static [usize]> {
     const HEXAHEDRON: [usize; 27] = [
         0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 26, 24, 23, 25, 21,
@@ -235,7 +236,7 @@ mod tests {
         }
         assert_eq!(cell("T3D2", true), Ok(Cell::Line));
         assert_eq!(cell("springa", true), Ok(Cell::Link));
-        let taken = Some("C3D20RH is taken for C3D20, with full integration".to_owned());
+        let taken = Some("C3D20RH is read as C3D20, with full integration".to_owned());
         assert_eq!(note("c3d20rh", true), taken);
         for deck in [true, false] {
             let none = ["C3D20", "C3D10H", "C3D8", "S8R", "CPS4", "S4R"];
@@ -247,7 +248,7 @@ mod tests {
                 "incompatible_modes = true"
             };
             assert!(
-                reduced.contains("taken for C3D8") && reduced.contains(way),
+                reduced.contains("read as C3D8") && reduced.contains(way),
                 "{reduced}"
             );
             assert_eq!(note("CPE4I", deck).is_some(), !deck);
@@ -264,7 +265,7 @@ mod tests {
         );
         assert_eq!(cell("B32R", true), Ok(Cell::Line3));
         for (name, expected) in [
-            ("CGAX4R", "axisymmetric element that twists"),
+            ("CGAX4R", "axisymmetric element with twist"),
             ("C3D15V", "are not supported: use CPE3"),
             ("SPRINGA", "are not supported: use CPE3"),
         ] {
@@ -275,7 +276,7 @@ mod tests {
         }
     }
 
-    /// Every face of a surface is one of the element.
+    /// Every face of a surface is a face of the element.
     #[test]
     fn faces_are_those_of_the_elements() {
         for kind in ElementKind::ALL {
@@ -298,7 +299,7 @@ mod tests {
 
     /// The nodes of a C3D27: 21 in the middle, 22 to 27 in that of faces 1 to 6.
     #[test]
-    fn middles_of_faces_stand_in_the_order_of_faces() {
+    fn middles_of_faces_follow_the_order_of_faces() {
         let cell = Cell::Element(ElementKind::Hexahedron27);
         let order = order(cell).expect("another order");
         let middles = ElementKind::Hexahedron27.middles();

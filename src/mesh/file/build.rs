@@ -1,4 +1,4 @@
-//! From what a file holds to a mesh of the plane or of space.
+//! From the contents of a file to a mesh of the plane or of space.
 
 use super::raw::{GroupSets, Raw};
 use super::{Failure, Result};
@@ -9,7 +9,7 @@ use crate::mesh::{
 use std::collections::{BTreeMap, HashMap};
 
 impl Raw {
-    /// Whether all nodes have one z, but for rounding.
+    /// Whether all nodes have one z, up to rounding.
     pub fn is_level(&self) -> bool {
         let coordinates = self.nodes.iter().flatten();
         let extent = coordinates.fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -27,7 +27,8 @@ impl Raw {
     }
 }
 
-/// The mesh of a file: a solid if it has any volume elements, else one of the plane, whose nodes have to be level.
+/// The mesh of a file: a solid if it has any volume elements, otherwise one of the plane, whose nodes must all have one
+/// z.
 pub(in crate::mesh) fn build(raw: Raw, scale: f64) -> Result<AnyMesh> {
     if raw.solids.is_empty() {
         plane(raw, scale).map(AnyMesh::Plane)
@@ -175,7 +176,7 @@ impl Groups {
             });
         }
         for (region, name) in (0..).zip(&regions) {
-            // A group that is called like this already keeps its name for itself.
+            // A group that already has this name keeps it.
             groups.entry(name.clone()).or_insert_with(|| vec![region]);
         }
 

@@ -1,10 +1,10 @@
-//! What a file adds up to, before it is a mesh.
+//! The contents of a file before it is a mesh.
 
 use crate::mesh::copies::{self, Copies};
 use crate::mesh::{Element, ElementKind, Facet, Topology, facet, facet_corners};
 use std::collections::HashMap;
 
-/// What stands in files: elements of bodies, and what bounds them.
+/// The cells in files: elements of bodies, and their boundaries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Cell {
     Point,
@@ -26,7 +26,7 @@ impl Cell {
         }
     }
 
-    /// How many corners it has, which are the first of its nodes.
+    /// The number of its corners, which are the first of its nodes.
     pub const fn n_corners(self) -> usize {
         match self {
             Self::Point => 1,
@@ -84,7 +84,7 @@ impl GroupSets {
     }
 }
 
-/// From the numbers of nodes in the file to ours: a table, as far as those are dense.
+/// From the numbers of nodes in the file to ours: a table, where they are dense.
 #[derive(Default)]
 pub(in crate::mesh) struct NodeNumbers {
     table: Vec<u32>,
@@ -116,7 +116,7 @@ impl NodeNumbers {
     }
 }
 
-/// What the sections add up to.
+/// The contents of all sections.
 #[derive(Default)]
 pub(in crate::mesh) struct Raw {
     /// Names of physical groups by (dimension, tag).
@@ -134,11 +134,11 @@ pub(in crate::mesh) struct Raw {
     pub lines: Vec<(u32, Facet)>,
     /// Triangles and quadrilaterals; the region is the number of the set of physical groups.
     pub faces: Vec<Element>,
-    /// Tetrahedra, hexahedra, wedges and pyramids, likewise.
+    /// Tetrahedra, hexahedra, wedges and pyramids, as above.
     pub solids: Vec<Element<3>>,
     /// Sets of nodes that were to be boundaries, but have no facet; each with a place of it.
     pub without_facets: Vec<(String, [f64; 3])>,
-    /// What it says and is not done.
+    /// Entries that have no effect.
     pub notes: Vec<String>,
 }
 
@@ -146,7 +146,7 @@ impl Raw {
     /// Adds a node with its number in the file; if it cannot be one, why not.
     pub fn add_node(&mut self, tag: usize, x: [f64; 3]) -> Result<(), String> {
         if self.numbers.get(tag).is_some() {
-            return Err(format!("node {tag} stands twice"));
+            return Err(format!("node {tag} is listed twice"));
         }
         if !x.iter().all(|v| v.is_finite()) {
             return Err(format!("node {tag} has a coordinate that is not finite"));
@@ -204,8 +204,8 @@ impl Raw {
 }
 
 impl GroupSets {
-    /// Lets every element stand once, in all groups of its copies: MSH 2 writes an element in two physical
-    /// groups twice, and files that were merged may hold parts twice. What is said of copies in the same groups.
+    /// Keeps one element of each set of copies, in all of their groups: MSH 2 writes an element in two physical groups
+    /// twice, and merged files may hold parts twice. Returns notes on copies in the same groups.
     pub fn merge_copies<const D: usize>(
         &mut self,
         elements: &mut Vec<Element<D>>,

@@ -1,11 +1,11 @@
-//! Files that are no mesh of Gmsh.
+//! Files that are not meshes of Gmsh.
 
 use std::path::Path;
 
-/// What Notepad and others put in front of a text.
+/// The byte order mark that Notepad and others put before a text.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// What a file is that is no mesh of Gmsh, as far as it can be told, and what to do about it.
+/// The probable kind of a file that is not a mesh of Gmsh, and the remedy.
 pub(super) fn foreign(path: &Path, bytes: &[u8]) -> Option<String> {
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     let bytes = bytes.trim_ascii_start();
@@ -69,6 +69,6 @@ pub(super) fn foreign(path: &Path, bytes: &[u8]) -> Option<String> {
             "a script for Gmsh, not the mesh: mesh it first: gmsh -{dimension} {stem}.geo -o {stem}.msh"
         )
     } else {
-        format!("no Gmsh MSH file: it does not begin with $MeshFormat: {anew}")
+        format!("not a Gmsh MSH file: it does not begin with $MeshFormat: {anew}")
     })
 }

@@ -24,7 +24,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The section $MeshFormat: what the numbers are like. Returns the version, 2 or 4.
+    /// The section $MeshFormat: the form of numbers. Returns the version, 2 or 4.
     pub fn format(&mut self) -> Result<u32> {
         let line = self.line().unwrap_or_default();
         let mut parts = line.split_whitespace();
@@ -70,8 +70,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The next line without its end; None at the end of the file. What is not UTF-8 is taken for Latin-1,
-    /// in which older editors write names.
+    /// The next line without its end; None at the end of the file. Text that is not UTF-8 is read as Latin-1, in which
+    /// older editors write names.
     pub fn line(&mut self) -> Option<Cow<'a, str>> {
         let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
         let end = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
@@ -182,9 +182,7 @@ impl<'a> Reader<'a> {
                 if matches!(section, "Nodes" | "ParametricNodes" | "Elements")
                     && !rest[..place].trim_ascii().is_empty() =>
             {
-                self.fail(format!(
-                    "${section} goes on behind the number of entries that it begins with"
-                ))
+                self.fail(format!("${section} has more entries than it announces"))
             }
             Some(place) => {
                 self.at += place;

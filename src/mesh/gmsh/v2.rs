@@ -4,7 +4,7 @@ use super::reader::Reader;
 use super::{Result, cell, in_our_order};
 use crate::mesh::file::raw::{MOST_NODES, Raw};
 
-/// $Nodes; `parametric` ones also say where they lie on which curve or surface.
+/// $Nodes; `parametric` ones also have their position on a curve or surface.
 pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw, parametric: bool) -> Result<()> {
     let count = count_line(reader, "nodes")?;
     for _ in 0..count {
@@ -28,7 +28,7 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
     // The tag of the last element and the number of its set: the next one mostly has the same.
     let (mut last, mut set) = (0, 0);
     while read < total {
-        // Binary files have a header for each run of one type; in ASCII every element says its own.
+        // Binary files have a header for each run of one type; in ASCII every element has its own type.
         let (kind, count, n_tags) = if reader.binary {
             (reader.int()?, reader.int()?, reader.int()?)
         } else {
@@ -37,7 +37,7 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
         };
         let cell = cell(reader, kind)?;
         if count < 1 || !(0..1000).contains(&n_tags) {
-            return reader.fail("the header of a run of elements makes no sense");
+            return reader.fail("the header of a run of elements is invalid");
         }
         for _ in 0..count {
             if reader.binary {

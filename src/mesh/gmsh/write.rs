@@ -1,4 +1,4 @@
-//! Meshes as files of Gmsh, MSH 2.2 in ASCII: to look at what was read from others.
+//! Meshes as files of Gmsh, MSH 2.2 in ASCII: to view meshes read from other formats.
 
 use super::{TYPES, in_gmshs_order};
 use crate::mesh::file::raw::Cell;
@@ -32,12 +32,12 @@ fn facet_number<const D: usize>(n_nodes: usize) -> i64 {
     }
 }
 
-/// An element in several groups stands in the file once for each, as Gmsh itself writes it.
+/// An element in several groups is written once for each, as Gmsh itself does.
 fn text<const D: usize>(mesh: &Mesh<D>) -> String
 where
     ElementKind: Topology<D>,
 {
-    // A group of one region that others name, too, is but the name of what they share.
+    // If other groups share the region of a group of one region, that group is only the name of the shared part.
     let named = |name: &String, regions: &Vec<u32>| {
         let alone = |&region: &u32| mesh.regions[region as usize] == *name;
         let elsewhere = |&region: &u32| {

@@ -38,7 +38,7 @@ const NODES: [[f64; 3]; 27] = [
     [0.0, 0.0, 0.0],
 ];
 
-/// The points of the rule of degree 3 lie beside the corners.
+/// The points of the rule of degree 3 are beside the corners.
 #[inline]
 fn beside_corners() -> [[f64; 3]; 8] {
     std::array::from_fn(|corner| NODES[corner].map(|v| v * GAUSS))
@@ -91,7 +91,7 @@ impl ShapeFunctions<3, 20, 27> for Hexahedron20 {
     const CENTRE: [f64; 3] = [0.0; 3];
     const DILATATION_MODES: usize = 4;
 
-    /// The quadratic function of a corner is the trilinear one less half of those of the midsides beside it.
+    /// The quadratic function of a corner is the trilinear one minus half of those of the midsides beside it.
     #[inline]
     fn shapes(xi: [f64; 3]) -> ([f64; 20], [[f64; 3]; 20]) {
         let (mut shape, mut local) = ([0.0; 20], [[0.0; 3]; 20]);

@@ -23,7 +23,7 @@ pub(crate) fn edge_at(x: &[[f64; 2]], xi: f64) -> FacetShape<1, 2> {
     }
 }
 
-/// Hands over the points that integrate over an edge with its nodes at x.
+/// Passes the integration points of an edge with its nodes at x.
 pub(crate) fn points(x: &[[f64; 2]], mut take: impl FnMut(&FacetPoint<2>)) {
     for (xi, weight) in LINE4 {
         let at = edge_at(x, xi);

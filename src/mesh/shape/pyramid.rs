@@ -11,8 +11,8 @@ pub(crate) struct Pyramid;
 /// The corners of the base, counter-clockwise.
 const BASE: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
-/// Gauss's rule with two points for ∫ f(t) (1 − t)² dt over (0, 1): places and weights, the lower place first.
-/// The 1 − t of them are the roots of x² − 4/3 x + 2/5, and the weights give ∫ x² = 1/3 and ∫ x³ = 1/4.
+/// Gauss's rule with two points for ∫ f(t) (1 − t)² dt over (0, 1): points and weights, the lower point first. Their 1
+/// − t are the roots of x² − 4/3 x + 2/5, and the weights give ∫ x² = 1/3 and ∫ x³ = 1/4.
 fn upright() -> [(f64, f64); 2] {
     let half = (2.0f64 / 45.0).sqrt();
     let [far, near] = [2.0 / 3.0 + half, 2.0 / 3.0 - half];

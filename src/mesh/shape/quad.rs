@@ -7,7 +7,7 @@ pub(crate) struct Quad;
 pub(crate) struct Quad8;
 pub(crate) struct Quad9;
 
-/// Corners of the reference square, counter-clockwise; the points of the rule of degree 3 lie beside them.
+/// Corners of the reference square, counter-clockwise; the points of the rule of degree 3 are beside them.
 const CORNERS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
 /// Corners, midsides and the centre.
@@ -75,7 +75,7 @@ impl ShapeFunctions<2, 8, 9> for Quad8 {
     const CENTRE: [f64; 2] = [0.0; 2];
     const DILATATION_MODES: usize = 3;
 
-    /// The quadratic function of a corner is the bilinear one less half of those of the midsides beside it.
+    /// The quadratic function of a corner is the bilinear one minus half of those of the midsides beside it.
     #[inline]
     fn shapes(xi: [f64; 2]) -> ([f64; 8], [[f64; 2]; 8]) {
         let (mut shape, mut local) = ([0.0; 8], [[0.0; 2]; 8]);

@@ -80,14 +80,14 @@ impl<const D: usize> Visit<D> for Definition {
 }
 
 #[test]
-fn shape_functions_are_what_they_are_by_definition() {
+fn shape_functions_satisfy_their_definition() {
     PLANE
         .iter()
         .for_each(|&kind| Topology::<2>::with(kind, Definition(kind)));
     in_space().for_each(|kind| Topology::<3>::with(kind, Definition(kind)));
 }
 
-/// What a rule makes of the products of powers of the coordinates, up to its degree, against closed forms.
+/// A rule applied to the products of powers of the coordinates, up to its degree, against closed forms.
 struct Monomials {
     kind: ElementKind,
     /// Degrees of the two rules: all together on triangles and tetrahedra, else along each axis.
@@ -201,7 +201,7 @@ fn rules_integrate_up_to_their_degrees() {
     }
 }
 
-/// A curved element takes a field that is quadratic in the place where its sides are straight, and a linear one always.
+/// A curved element reproduces a quadratic field where its sides are straight, and a linear one always.
 struct Fields(ElementKind);
 
 impl<const D: usize> Visit<D> for Fields {
@@ -260,7 +260,7 @@ fn elements_hold_the_fields_of_their_order() {
     in_space().for_each(|kind| Topology::<3>::with(kind, Fields(kind)));
 }
 
-/// The nodes of facets lie where those of the element do: a facet's middle nodes between its corners.
+/// The nodes of facets are where those of the element are: a facet's middle nodes between its corners.
 #[test]
 fn facets_are_named_as_the_elements_are() {
     struct Nodes;
@@ -301,7 +301,7 @@ fn facets_are_named_as_the_elements_are() {
                 }
             }
         }
-        // Turned, the nodes are a mirror image, and turned twice they are what they were.
+        // Reversed, the nodes are a mirror image, and reversed twice they are as before.
         let listed: Vec<u32> = (0..kind.n_nodes() as u32).collect();
         let mut turned = listed.clone();
         kind.turn(&mut turned);
@@ -321,7 +321,7 @@ fn facets_are_named_as_the_elements_are() {
     }
 }
 
-/// The edges of Gmsh's elements in its order (Gmsh reference manual, node ordering): the middle node k lies between these
+/// The edges of Gmsh's elements in its order (Gmsh reference manual, node ordering): the middle node k is between these
 /// corners.
 #[test]
 fn gmsh_lists_the_middles_in_its_own_order() {
@@ -391,7 +391,7 @@ fn gmsh_lists_the_middles_in_its_own_order() {
 /// Areas and volumes of curved elements: a sector of a ring and a quarter of a tube tend to their closed forms with the
 /// fourth power of the size.
 #[test]
-fn curved_elements_have_the_measure_of_what_they_stand_for() {
+fn curved_elements_have_the_measure_of_their_shape() {
     let ring = |cells: usize| {
         let angle = std::f64::consts::FRAC_PI_2 / cells as f64;
         let place = |[s, t]: [f64; 2]| {

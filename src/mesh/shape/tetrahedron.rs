@@ -13,7 +13,7 @@ const SLOPES: [[f64; 3]; 4] = [
     [0.0, 1.0, 0.0],
     [0.0, 0.0, 1.0],
 ];
-/// The corners between which the midside nodes lie.
+/// The corners on either side of each midside node.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
 
 #[inline]

@@ -8,7 +8,7 @@ pub(crate) struct Triangle6;
 
 /// The derivatives of the barycentric coordinates.
 const SLOPES: [[f64; 2]; 3] = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
-/// The corners between which the midside nodes lie.
+/// The corners on either side of each midside node.
 const EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 const THIRD: f64 = 1.0 / 3.0;
 

@@ -34,7 +34,7 @@ const NODES: [[f64; 3]; 18] = [
     [0.0, 0.5, 0.0],
 ];
 
-/// Which function of the triangle (corners, then midsides) and which end or middle of the axis a node has.
+/// The function of the triangle (corners, then midsides) and the end or middle of the axis for each node.
 const FACTORS: [(usize, f64); 18] = [
     (0, -1.0),
     (1, -1.0),
@@ -107,7 +107,7 @@ impl ShapeFunctions<3, 6, 6> for Wedge {
         six().map(|at| (at, 1.0 / 6.0))
     }
 
-    /// 6 × 3, as the volume at a point of a distorted one is no constant.
+    /// 6 × 3, because the Jacobian of a distorted one is not constant.
     fn load_rule() -> impl Iterator<Item = ([f64; 3], f64)> {
         eighteen()
     }
@@ -127,7 +127,7 @@ impl ShapeFunctions<3, 15, 18> for Wedge15 {
     const DILATATION_MODES: usize = 4;
 
     /// The midsides of the triangles are linear along the axis, the upright ones linear in the triangle; the function of a
-    /// corner is the linear one less half of those of the midsides beside it.
+    /// corner is the linear one minus half of those of the midsides beside it.
     #[inline]
     fn shapes([r, s, t]: [f64; 3]) -> ([f64; 15], [[f64; 3]; 15]) {
         let triangle = barycentric([r, s]);

@@ -11,7 +11,7 @@ const SHAPES: [(SolidShape, usize); 3] = [
     (SolidShape::Wedge, 2),
 ];
 
-/// How often each facet of the elements of a mesh stands, by its nodes in order, and the parity of their rotation.
+/// The occurrences of each facet of the elements of a mesh, by its nodes in order, and the parity of their rotation.
 fn owners(mesh: &Mesh<3>) -> HashMap<Vec<u32>, Vec<Vec<u32>>> {
     let mut owners: HashMap<Vec<u32>, Vec<Vec<u32>>> = HashMap::new();
     for facet in mesh.elements.iter().flat_map(Element::facets) {
@@ -78,7 +78,7 @@ fn blocks_of_each_kind_are_whole() {
             }
             assert_relative_eq!(sum, area, max_relative = 1e-13);
         }
-        // What `block` makes is what the checks would make of it.
+        // The checks would leave the result of `block` unchanged.
         let (elements, boundaries) = (mesh.elements.clone(), mesh.boundaries.clone());
         let checked = Mesh::new(mesh.nodes, mesh.elements, mesh.regions, mesh.boundaries);
         let checked = checked.unwrap_or_else(|error| panic!("{error}"));
@@ -189,7 +189,7 @@ fn folded_solids_are_refused() {
         Element::hexahedron([0, 1, 2, 3, 4, 5, 6, 7], 0),
     );
     degenerate(corners(), Element::hexahedron([0, 0, 2, 3, 4, 5, 6, 7], 0));
-    // A flattened corner is no fault of a wedge that does not have it.
+    // A flattened corner is not a fault of a wedge without that corner.
     assert!(made(dented, vec![Element::wedge([0, 1, 3, 4, 5, 7], 0)], &[]).is_ok());
 }
 

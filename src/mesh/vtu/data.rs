@@ -6,7 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::io::Read as _;
 
-/// A file whose arrays can be asked for.
+/// A file with its arrays.
 pub(super) struct File<'a> {
     document: Document<'a>,
     big: bool,
@@ -46,7 +46,7 @@ impl<'a> File<'a> {
         let document = xml::read(bytes)?;
         let Some(root) = document.nodes.first().filter(|node| node.name == "VTKFile") else {
             return no_mesh(
-                "this is no VTK file in XML: save it as .vtu (an unstructured grid), not as a legacy .vtk file",
+                "this is not an XML VTK file: save it as .vtu (an unstructured grid), not as a legacy .vtk file",
             );
         };
         let kind = root.attribute("type").unwrap_or_default();
@@ -113,7 +113,7 @@ impl<'a> File<'a> {
             .collect()
     }
 
-    /// The numbers of an array that has to be there.
+    /// The numbers of a required array.
     pub fn needed(&self, of: &str, name: Option<&str>) -> Result<Values> {
         match self.array(of, name) {
             Some(node) => self.values(node),
@@ -168,12 +168,12 @@ impl<'a> File<'a> {
             "UInt32" => integers!(u32).map(Values::Integers),
             "Int64" => integers!(i64).map(Values::Integers),
             "UInt64" => integers!(u64).map(Values::Integers),
-            _ => return Err(fail(format!("the type \"{kind}\" is no number"))),
+            _ => return Err(fail(format!("the type \"{kind}\" is not numeric"))),
         };
         values.ok_or_else(|| fail("the data ends in the middle of a number".to_owned()))
     }
 
-    /// What the data of an array is, after decoding.
+    /// The decoded data of an array.
     fn inline(&self, node: &Node) -> Result<Vec<u8>> {
         let encoded: Vec<u8> = node
             .text
@@ -185,7 +185,7 @@ impl<'a> File<'a> {
 
     fn appended(&self, node: &Node) -> Result<Vec<u8>> {
         let offset = node.attribute("offset").and_then(|text| text.parse().ok());
-        let short = || Failure::line(node.line, "its offset lies behind the appended data");
+        let short = || Failure::line(node.line, "its offset is beyond the appended data");
         let rest = offset
             .and_then(|offset: usize| self.document.appended.get(offset..))
             .ok_or_else(short)?;
@@ -199,9 +199,9 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Base64, of which the header of compressed data is encoded by itself.
+    /// Base64; the header of compressed data is encoded separately.
     fn decoded(&self, encoded: &[u8], line: usize) -> Result<Vec<u8>> {
-        let no_base64 = || Failure::line(line, "the data is no base64");
+        let no_base64 = || Failure::line(line, "the data is not base64");
         let first = part(encoded, 0, self.word).ok_or_else(no_base64)?;
         let header = match self.compressed {
             true => self.word * (3 + self.number(&first)),
@@ -212,7 +212,7 @@ impl<'a> File<'a> {
         let behind = encoded.get(split..).ok_or_else(no_base64)?;
         if !self.compressed {
             let length = self.number(&first);
-            // Most encode both in one, some the length by itself.
+            // Most programs encode both in one, some the length separately.
             let data = if encoded[..split].ends_with(b"=") && !behind.is_empty() {
                 part(behind, 0, length)
             } else {
@@ -235,7 +235,7 @@ impl<'a> File<'a> {
         line: usize,
         take: impl Fn(usize, usize) -> Option<Vec<u8>>,
     ) -> Result<Vec<u8>> {
-        let short = || Failure::line(line, "the data is cut short, or no base64");
+        let short = || Failure::line(line, "the data is cut short, or not base64");
         let word = |number: usize| {
             let bytes = take(number * self.word, self.word).ok_or_else(short)?;
             Ok(self.number(&bytes))
@@ -274,7 +274,7 @@ impl<'a> File<'a> {
     }
 }
 
-/// `length` bytes from `from` on of what base64 encodes at the beginning of a text.
+/// `length` bytes from `from` on, decoded from the base64 at the beginning of a text.
 fn part(encoded: &[u8], from: usize, length: usize) -> Option<Vec<u8>> {
     let end = from.checked_add(length)?;
     let text = encoded.get(..end.div_ceil(3).saturating_mul(4))?;
@@ -283,7 +283,7 @@ fn part(encoded: &[u8], from: usize, length: usize) -> Option<Vec<u8>> {
 }
 
 fn ascii(node: &Node, kind: &str) -> Result<Values> {
-    let fail = |token: &str| Failure::line(node.line, format!("\"{token}\" is no number"));
+    let fail = |token: &str| Failure::line(node.line, format!("\"{token}\" is not a number"));
     let tokens = node.text.split_ascii_whitespace();
     Ok(if kind.starts_with("Float") {
         let values = tokens.map(|token| token.parse().map_err(|_| fail(token)));

@@ -1,4 +1,4 @@
-//! As much of XML as grids of VTK are written in: tags with attributes, comments, text.
+//! The part of XML that grids of VTK use: tags with attributes, comments, text.
 
 use super::{Failure, Result};
 use std::borrow::Cow;
@@ -10,9 +10,9 @@ pub(super) struct Node<'a> {
     attributes: Vec<(&'a str, Cow<'a, str>)>,
     /// From 1.
     pub line: usize,
-    /// The one it stands in.
+    /// Its parent element.
     pub parent: Option<usize>,
-    /// What stands between its tags, as far as that is text.
+    /// The text between its tags.
     pub text: &'a str,
 }
 
@@ -67,8 +67,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
         let parent = open.last().copied();
         if tag.starts_with("AppendedData") {
             let start = bytes[at..].iter().position(|&b| b == b'_');
-            let start =
-                start.ok_or_else(|| Failure::line(here, "the appended data begins with no _"))?;
+            let start = start
+                .ok_or_else(|| Failure::line(here, "the appended data does not begin with _"))?;
             nodes.push(node(tag, here, parent, ""));
             return Ok(Document {
                 nodes,
@@ -100,7 +100,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
     }
 }
 
-/// Where a tag ends: a > in quotation marks is part of an attribute.
+/// The end of a tag: a > in quotation marks is part of an attribute.
 fn end_of_tag(bytes: &[u8]) -> Option<usize> {
     let mut mark = None;
     bytes.iter().position(|&b| match (mark, b) {
@@ -119,7 +119,7 @@ fn end_of_tag(bytes: &[u8]) -> Option<usize> {
     })
 }
 
-/// An attribute with its entities replaced, those of XML and those by numbers; what is none of them stays as it is.
+/// An attribute with its entities replaced, those of XML and those by numbers; anything else stays as it is.
 fn unescaped(text: &str) -> Cow<'_, str> {
     if !text.contains('&') {
         return text.into();

@@ -13,9 +13,9 @@ mod tests;
 
 use std::f64::consts::{E, PI, TAU};
 
-/// How deep brackets and operators may nest; also what the values in waiting of an evaluation take.
+/// How deep brackets and operators may nest; also the size of the value stack of an evaluation.
 const DEPTH: usize = 100;
-/// What of a text is shown in an error.
+/// The part of a text that an error shows.
 const SHOWN: usize = 100;
 
 /// A parsed expression of a place in D dimensions.
@@ -24,7 +24,7 @@ pub struct Expression<const D: usize = 2> {
     program: Vec<Op>,
 }
 
-/// What is done with the values in waiting, of which the last is the nearest.
+/// An operation on the value stack, whose last entry is the top.
 #[derive(Clone, Copy, Debug)]
 enum Op {
     Number(f64),
@@ -33,10 +33,10 @@ enum Op {
     Two(fn(f64, f64) -> f64),
 }
 
-/// What a name stands for.
+/// The meaning of a name.
 #[derive(Clone, Copy, Debug)]
 enum Meaning {
-    /// A value by itself.
+    /// A single value.
     Value(Op),
     /// A function of one value.
     One(fn(f64) -> f64),
@@ -102,10 +102,10 @@ fn sign(value: f64) -> f64 {
     if value == 0.0 { 0.0 } else { value.signum() }
 }
 
-/// How strongly a sign binds.
+/// The binding strength of a sign.
 const SIGN: u8 = 3;
 
-/// What an operator does, how strongly it binds, and how strongly what follows it has to.
+/// The operation of an operator, its binding strength, and the strength that it requires of what follows.
 fn operator(sign: char) -> Option<(Op, u8, u8)> {
     Some(match sign {
         '+' => (Op::Two(|a, b| a + b), 1, 2),
@@ -164,16 +164,16 @@ impl<const D: usize> Expression<D> {
 
 struct Parser<'a> {
     text: &'a str,
-    /// What is still to be read, without blanks before it.
+    /// The unread rest, without leading blanks.
     rest: &'a str,
-    /// How many coordinates there are.
+    /// The number of coordinates.
     dimension: usize,
     program: Vec<Op>,
     depth: usize,
 }
 
 impl<'a> Parser<'a> {
-    /// An operand with the operators behind it that bind at least as strongly as said.
+    /// An operand with the operators after it that bind at least this strongly.
     fn operation(&mut self, least: u8) -> Result<(), String> {
         if self.depth == DEPTH {
             return Err(self.wrong("brackets and operators are nested too deeply"));
@@ -352,7 +352,7 @@ fn nearest(_: &str, _: usize) -> Option<&'static str> {
     None
 }
 
-/// The name that was probably meant. One letter is like any other: it has to be the same but for its case.
+/// The name that was probably intended. A single letter has to be the same except for its case.
 #[cfg(feature = "case")]
 fn nearest(wrong: &str, dimension: usize) -> Option<&'static str> {
     if wrong.len() > SHOWN {

@@ -42,7 +42,7 @@ fn largest<const D: usize>(u: &[[f64; D]]) -> f64 {
     u.as_flattened().iter().fold(0.0, |max, v| max.max(v.abs()))
 }
 
-/// A turn about an axis that is none of x, y and z, and a shift.
+/// A rotation about an axis other than x, y and z, and a shift.
 fn moved(x: [f64; 3]) -> [f64; 3] {
     let x = turned(x);
     [x[0] + 0.3, x[1] - 2.0, x[2] + 0.7]
@@ -54,8 +54,8 @@ fn turned(x: [f64; 3]) -> [f64; 3] {
     rows.map(|row| (0..3).map(|c| row[c] * x[c] / 30.0).sum())
 }
 
-/// A block, held on two sides by symmetry, driven on a third, pressed on the ground with friction: as it lies, and
-/// turned. Nodes on the edges are held in two and in all directions, some of the ground too.
+/// A block, held on two sides by symmetry, driven on a third, pressed on the ground with friction: in its position, and
+/// rotated. Nodes on the edges are held in two and in all directions, some of the ground too.
 #[test]
 fn a_turned_model_has_the_turned_solution() {
     let mesh = block(
@@ -200,9 +200,9 @@ fn a_sector_of_a_ring_is_a_ring() {
     }
 }
 
-/// A round bar under a torque: what the fixed end carries is exactly that, and the angle is M l / (G J).
+/// A round bar under a torque: the fixed end carries exactly that, and the angle is M l / (G J).
 #[test]
-fn a_torque_is_what_the_other_end_holds() {
+fn a_torque_is_held_by_the_other_end() {
     let (radius, long, torque) = (0.5_f64, 3.0, 400.0);
     let mut mesh = block(
         [-1.0, -1.0, 0.0],
@@ -281,7 +281,7 @@ fn a_torque_is_what_the_other_end_holds() {
 /// Supports that meet at a node in different directions are combined where they agree, and an error where not; a node
 /// on the axis has no radial direction.
 #[test]
-fn directions_that_meet_agree_or_are_told() {
+fn directions_that_meet_agree_or_are_reported() {
     let mesh = || sector([2, 3, 2], [1.0, 2.0], 0.0, PI / 2.0, 1.0);
     let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
     let model = || {
@@ -293,7 +293,7 @@ fn directions_that_meet_agree_or_are_told() {
         let built = model.build().map_err(|error| error.to_string())?;
         Ok(displacements(&built, Stiffness::Cholesky))
     };
-    // x, y and z are more than enough beside radial, if they say the same.
+    // x, y and z overdetermine the node beside radial, but agree with it.
     let whole = model().support(
         Support::on("right")
             .x(|x: [f64; 3]| 1e-3 * x[0] / x[0].hypot(x[1]))
@@ -333,11 +333,11 @@ fn directions_that_meet_agree_or_are_told() {
         .build();
     assert!(clamped.is_ok());
     for (support, expected) in [
+        (Support::on("front").radial(0.0), "need an axis: state it"),
         (
-            Support::on("front").radial(0.0),
-            "are about an axis: state it",
+            Support::on("front").x(0.0).about(axis),
+            "no component about it",
         ),
-        (Support::on("front").x(0.0).about(axis), "nothing about it"),
         (
             Support::on("front")
                 .hoop(0.0)
@@ -350,7 +350,7 @@ fn directions_that_meet_agree_or_are_told() {
     }
     let traction = Traction::on("left").torque(1.0);
     let text = message(model().traction(traction));
-    assert!(text.contains("are about an axis: state it"), "{text}");
+    assert!(text.contains("need an axis: state it"), "{text}");
 }
 
 /// A ring that may only turn: the motion that supports along radial directions leave is found, and is the one.

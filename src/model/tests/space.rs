@@ -33,7 +33,7 @@ fn error(text: &str) -> String {
 }
 
 #[test]
-fn a_model_is_what_its_case_file_is() {
+fn a_model_equals_its_case_file() {
     let model = Model::on(cube(SolidShape::Wedge))
         .material(STEEL)
         .gravity([0.0, 1.0, -9.81])
@@ -77,7 +77,7 @@ fn a_model_is_what_its_case_file_is() {
     assert!(a.tangential().triplets().eq(b.tangential().triplets()));
     assert_eq!((a.load(), a.gap()), (b.load(), b.gap()));
     assert_eq!((a.slip_bound(), a.areas()), (b.slip_bound(), b.areas()));
-    // The sides hold the normal motion of their nodes; what is left of the bottom has two tangents a node.
+    // The sides hold the normal motion of their nodes; the remaining nodes of the bottom have two tangents each.
     assert_eq!((a.m(), a.tangential().n_rows()), (3 * 3, 2 * 3 * 3));
     let elastic = &there.elastic;
     assert_eq!(elastic.supports, ["left", "right, z", "back"]);
@@ -127,7 +127,7 @@ fn loads_have_their_resultants() {
     }
 }
 
-/// A free block on the ground can move in three ways and turn about one axis, or in all of them above it.
+/// A free block on the ground can move in three directions and rotate about one axis; above it, in all of them.
 #[test]
 fn a_solid_without_supports_is_found_and_needs_a_contact() {
     let model = Model::on(cube(SolidShape::Hexahedron)).material(STEEL);
@@ -174,7 +174,7 @@ fn errors_speak_of_space() {
         ),
         (
             sound().support(Support::on(["right", "bottom"]).symmetry().x(0.0)),
-            "symmetry stands alone",
+            "symmetry takes a boundary and nothing else",
         ),
         (
             sound().support(Support::at_point([9.0, 9.0, 0.5]).z(0.0)),
@@ -233,7 +233,7 @@ fn errors_speak_of_space() {
     }
 }
 
-/// A boundary that is not plane has no symmetry; one that is holds across it alone, whichever way it looks.
+/// A boundary that is not plane has no symmetry; a plane one is held only perpendicular to it, whatever its direction.
 #[test]
 fn symmetry_is_across_the_boundary() {
     let mut mesh = cube(SolidShape::Hexahedron);
@@ -298,13 +298,13 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
         (
             "half_space = { point = [0, 0, 0], normal = [0, 0, 1] }",
             "half_plane = { point = [0, 0], normal = [0, 1] }",
-            "c.toml, line 17: half_plane is no obstacle in space, which the mesh is one of: write half_space, sphere \
-             or cylinder",
+            "c.toml, line 17: half_plane is not an obstacle in space, where the mesh is: write half_space, sphere or \
+             cylinder",
         ),
         (
             "half_space = { point = [0, 0, 0], normal = [0, 0, 1] }",
             "circle = { center = [0, 0], radius = 1 }",
-            "line 17: circle is no obstacle in space",
+            "line 17: circle is not an obstacle in space",
         ),
         (
             "normal = [0, 0, 1]",
@@ -329,7 +329,7 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
         (
             "[[material]]",
             "[analysis]\ngravity = [0, -1]\n[[material]]",
-            "c.toml, line 5: expected 3 entries, found 2: the mesh is one of space",
+            "c.toml, line 5: expected 3 entries, found 2: the mesh is in space",
         ),
         (
             "boundary = \"top\"",
@@ -381,7 +381,7 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
             "[mesh.box]\nsize = [1, 1, 1]\ncells = [2, 2, 2]\n",
             "[[mesh.part]]\nname = \"a\"\nbox = { size = [1, 1, 1], cells = [2, 2, 2] }\n\
              [[mesh.part]]\nname = \"b\"\nrectangle = { size = [1, 1], cells = [2, 2] }\n",
-            "c.toml, line 4: the parts of a mesh are all of the plane",
+            "c.toml, line 4: the parts of a mesh must all be plane",
         ),
         (
             "[mesh.box]\nsize = [1, 1, 1]\ncells = [2, 2, 2]\n",
@@ -391,7 +391,7 @@ fn cases_say_which_line_does_not_fit_the_dimension() {
         (
             "[mesh.box]\nsize = [1, 1, 1]\ncells = [2, 2, 2]\n",
             "[mesh]\n",
-            "[mesh] says nothing of the bodies: it needs either file or rectangle or, for a solid, box",
+            "[mesh] describes no bodies: give it file, rectangle or, for a solid, box",
         ),
         (
             "\"bottom\"",
@@ -427,22 +427,22 @@ fn the_plane_has_no_z() {
         (
             "y = 0\n[[traction]]",
             "y = 0\nz = 0\n[[traction]]",
-            "c.toml, line 11: z has no meaning here: the mesh is one of the plane",
+            "c.toml, line 11: z has no meaning here: the mesh is in the plane",
         ),
         (
             "half_plane = { point = [0, 0], normal = [0, 1] }",
             "sphere = { center = [0, 0, -1], radius = 1 }",
-            "c.toml, line 16: sphere is no obstacle in the plane, which the mesh is one of: write half_plane or circle",
+            "c.toml, line 16: sphere is not an obstacle in the plane, where the mesh is: write half_plane or circle",
         ),
         (
             "half_plane = { point = [0, 0], normal = [0, 1] }",
             "cylinder = { point = [0, 0, -1], axis = [1, 0, 0], radius = 1 }",
-            "cylinder is no obstacle in the plane",
+            "cylinder is not an obstacle in the plane",
         ),
         (
             "[[material]]",
             "[analysis]\ngravity = [0, 0, -1]\n[[material]]",
-            "c.toml, line 5: expected 2 entries, found 3: the mesh is one of the plane",
+            "c.toml, line 5: expected 2 entries, found 3: the mesh is in the plane",
         ),
     ] {
         assert!(plane.contains(old), "{old}");
@@ -451,7 +451,7 @@ fn the_plane_has_no_z() {
     }
 }
 
-/// A file says of which dimension it is only when it is read: what neither could mean is an error before that.
+/// The dimension of a file is known only after reading: entries that are wrong in both dimensions are reported before.
 #[test]
 fn a_mesh_file_chooses_the_dimension() {
     let of_file = |mesh: &str, figure: &str| {

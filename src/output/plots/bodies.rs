@@ -1,4 +1,5 @@
-//! The deformed bodies of a step: what their pictures in the plane and in space and the view that can be turned share.
+//! The deformed bodies of a step: the common data of their pictures in the plane and in space and of the rotatable
+//! view.
 
 use super::chart::nice;
 use super::legend::{ColourBar, short};
@@ -27,10 +28,10 @@ where
     /// At the nodes.
     pub von_mises: Vec<f64>,
     pub largest: f64,
-    /// The largest displacement, and what all are multiplied with.
+    /// The largest displacement, and the magnification of all.
     pub travel: f64,
     pub magnified: f64,
-    /// Where the nodes are drawn, in coordinates of the mesh.
+    /// The positions of the nodes in the picture, in coordinates of the mesh.
     pub moved: Vec<[f64; D]>,
 }
 
@@ -63,7 +64,7 @@ where
         }
     }
 
-    /// The beginning of a picture of this width and height: the title, and what is shown.
+    /// The head of a picture of this width and height: the title, and the fields shown.
     pub(super) fn head(&self, title: &str, size: [f64; 2], left: f64, more: &str) -> Svg {
         let mut svg = Svg::new(title, size, left);
         let (magnified, travel) = (self.magnified, short(self.travel));
@@ -103,7 +104,7 @@ where
     }
     // A gap d that becomes g is drawn as d + s (g − d).
     let room = FALSE_OVERLAP * size;
-    // Nor may bodies with an interference come apart.
+    // Bodies with an interference must not come apart either.
     let pressed = (elastic.contact.places.iter().zip(&contact.gap))
         .filter(|(place, gap)| place.gap < 0.0 && **gap > place.gap)
         .map(|(place, gap)| 1.0 + room / (gap - place.gap))

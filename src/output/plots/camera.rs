@@ -29,7 +29,7 @@ impl Camera {
     pub fn pair(mesh: &Mesh<3>, surface: &Surface, stresses: &[f64]) -> [Self; 2] {
         let (low, high) = mesh.bounding_box();
         let [x, y, z] = [0, 1, 2].map(|c| high[c] - low[c]);
-        // The longer side is seen from before it; what is flat, from higher above.
+        // The longer side is seen from the front; a flat body, from higher above.
         let (a, b) = if x >= y { (0.55, 0.85) } else { (0.85, 0.55) };
         let height = if z < 0.3 * x.max(y) { 0.75 } else { 0.5 };
         // The first of them stays unless another one shows clearly more.
@@ -55,12 +55,12 @@ impl Camera {
         [best, best.map(|v| -v)].map(Self::from)
     }
 
-    /// A place as it is seen: to the right and up.
+    /// A point in the view: to the right and up.
     pub fn flat(&self, x: [f64; 3]) -> [f64; 2] {
         [dot(self.right, x), dot(self.up, x)]
     }
 
-    /// How bright a surface with this normal is, from 0 to 1, lit from the left above the viewer.
+    /// The brightness of a surface with this normal, from 0 to 1, lit from the left above the viewer.
     pub fn shade(&self, normal: [f64; 3]) -> f64 {
         let light = unit(std::array::from_fn(|c| {
             self.back[c] - 0.35 * self.right[c] + 0.45 * self.up[c]
@@ -83,13 +83,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_stand_upright() {
+    fn cameras_are_upright() {
         let camera = Camera::from([1.0, -1.0, 0.5]);
         let [right, up] = camera.flat([0.0, 0.0, 1.0]);
         assert!(right.abs() < 1e-15 && up > 0.0);
         assert!(dot(cross(camera.right, camera.up), camera.back) > 1.0 - 1e-12);
         assert_eq!(camera.name(), "+x, −y, +z");
-        // What looks away is dark, and nothing brighter than the light.
+        // Faces turned away are dark, and none is brighter than the light.
         assert!(camera.shade(camera.back) > camera.shade(camera.right));
         assert!(camera.shade([0.0, 1.0, 0.0]) >= 0.0 && camera.shade(camera.back) <= 1.0);
     }

@@ -6,7 +6,7 @@ pub(super) use scale::{Scale, nice};
 
 use super::svg::{Svg, escape, patch, places};
 
-/// Colours of series and zones that are told apart without colour vision as well (after Okabe and Ito 2008).
+/// Colours of series and zones that can also be distinguished without colour vision (after Okabe and Ito 2008).
 pub mod colour {
     /// Of a series.
     pub const BLUE: &str = "#0072b2";
@@ -29,7 +29,7 @@ pub mod colour {
 /// An axis of a chart.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What it measures.
+    /// The measured quantity.
     pub label: String,
     /// The unit, to which a power of ten is added where numbers are large or small; may be empty.
     pub unit: String,
@@ -56,7 +56,7 @@ impl Axis {
     }
 }
 
-/// How a series is drawn.
+/// The style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A line.
@@ -68,7 +68,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// How wide its line is.
+    /// The width of its line.
     fn style(self) -> &'static str {
         match self {
             Self::Dashed => "stroke-width=\"1.3\" stroke-dasharray=\"5 4\"",
@@ -84,7 +84,7 @@ pub struct Series {
     pub name: String,
     /// One of [`colour`], or any that SVG knows.
     pub colour: &'static str,
-    /// How it is drawn.
+    /// Its style.
     pub mark: Mark,
     /// (x, y), in this order.
     pub points: Vec<(f64, f64)>,
@@ -115,9 +115,9 @@ impl Series {
 /// A coloured zone between two abscissas.
 #[derive(Clone, Debug)]
 pub struct Zone {
-    /// Where it begins.
+    /// Its start.
     pub from: f64,
-    /// Where it ends.
+    /// Its end.
     pub to: f64,
     /// Its entry in the legend; zones of one name share it.
     pub name: &'static str,
@@ -134,7 +134,7 @@ pub struct Chart {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// In the order in which they are drawn.
+    /// In the order of drawing.
     pub series: Vec<Series>,
     /// Behind the series.
     pub zones: Vec<Zone>,
@@ -144,10 +144,10 @@ pub struct Chart {
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 400.0;
-/// Where the axes begin.
+/// The start of the axes.
 const LEFT: f64 = 78.0;
 const TOP: f64 = 44.0;
-/// What lies behind their ends.
+/// The margin beyond their ends.
 const BESIDE: f64 = 20.0;
 const BELOW: f64 = 84.0;
 impl Chart {
@@ -199,7 +199,7 @@ struct Drawing<'a> {
     chart: &'a Chart,
     xs: Scale,
     ys: Scale,
-    /// Where the axes end.
+    /// The end of the axes.
     right: f64,
     bottom: f64,
     svg: Svg,
@@ -269,7 +269,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// What the axes measure.
+    /// The labels of the axes.
     fn labels(&mut self) {
         let x = escape(&self.xs.label(&self.chart.x));
         let y = escape(&self.ys.label(&self.chart.y));

@@ -1,4 +1,4 @@
-//! The contact surfaces of solids: pressures, tractions, what sticks and slips, and profiles of them.
+//! The contact surfaces of solids: pressures, tractions, zones of stick and slip, and profiles of them.
 
 mod profile;
 
@@ -24,14 +24,14 @@ const BAR: f64 = 96.0;
 /// The largest a panel gets.
 const PANEL: [f64; 2] = [300.0, 330.0];
 const WIDE: [f64; 2] = [690.0, 300.0];
-/// The longest arrow, and how far arrows stand apart.
+/// The longest arrow, and the distance between arrows.
 const ARROW: f64 = 26.0;
 const APART: f64 = 22.0;
 /// Edges of elements are drawn where these are longer than this on average.
 const VISIBLE_EDGE: f64 = 7.0;
-/// Where nothing lies opposite, or a support holds.
+/// Parts without an opposite side, or held by a support.
 const NOTHING: &str = "#d6d6d6";
-/// How arrows and the border of what is in contact are drawn.
+/// The style of arrows and of the border of the contact.
 const ARROWS: &str =
     "stroke=\"#222222\" stroke-width=\"1.1\" stroke-linecap=\"round\" stroke-linejoin=\"round\"";
 const BORDER: &str = "stroke=\"#ffffff\" stroke-width=\"1.4\" stroke-linecap=\"round\"";
@@ -50,7 +50,7 @@ struct Scene<'a> {
     /// Keeps names apart from those of other pictures.
     name: String,
     svg: Svg,
-    /// How far down it is drawn so far.
+    /// The height drawn so far.
     y: f64,
 }
 
@@ -142,7 +142,8 @@ impl Scene<'_> {
         })
     }
 
-    /// What is shown of a developed surface: all of it, or the part in contact and what is around it, where that is small.
+    /// The visible range of a developed surface: all of it, or the part in contact with its surroundings, if that is
+    /// small.
     fn range(&self, developed: &Developed) -> (([f64; 2], [f64; 2]), bool) {
         let all = developed.triangles.iter().flat_map(|(at, _)| *at);
         let (low, high) = bounds(all);
@@ -162,7 +163,7 @@ impl Scene<'_> {
         ((from, to), true)
     }
 
-    /// The panels of a developed surface: pressures, and with friction what sticks and slips, with the tractions.
+    /// The panels of a developed surface: pressures, and with friction the zones of stick and slip, with the tractions.
     fn developed(&mut self, developed: &Developed, number: usize) {
         let ((low, high), is_zoomed) = self.range(developed);
         let extent = [0, 1].map(|c| (high[c] - low[c]).max(f64::MIN_POSITIVE));
@@ -211,7 +212,7 @@ impl Scene<'_> {
         }
     }
 
-    /// The panel of the pressures, with the border of what is in contact.
+    /// The panel of the pressures, with the border of the contact.
     fn pressures(&mut self, developed: &Developed, panel: &Panel) {
         let mut raster = Raster::new(panel.size);
         let nothing = raster.add(NOTHING);
@@ -240,7 +241,7 @@ impl Scene<'_> {
         self.close(developed, panel);
     }
 
-    /// The panel of what nodes do, with the tangential tractions.
+    /// The panel of the states of nodes, with the tangential tractions.
     fn states(&mut self, developed: &Developed, panel: &Panel) {
         let mut raster = Raster::new(panel.size);
         let nothing = raster.add(NOTHING);
@@ -372,7 +373,7 @@ impl Scene<'_> {
         ));
     }
 
-    /// What the colours of the states, the arrows and the border mean.
+    /// The meaning of the colours of states, the arrows and the border.
     fn legend(&mut self) {
         let mut entries: Vec<(String, String)> = Vec::new();
         let count = |state| {

@@ -1,4 +1,4 @@
-//! The charts of a solve: what happens along a contact, how it converged, how forces go with the steps.
+//! The charts of a solve: fields along a contact, convergence, forces over the steps.
 
 use super::bodies::Bodies;
 use super::chart::{Axis, Chart, Mark, Series, Zone, colour};
@@ -9,7 +9,7 @@ use crate::model::Elastic;
 use crate::output::{ContactFields, ContactReport, Report};
 use std::collections::{HashMap, HashSet};
 
-/// What is met along a line of a contact.
+/// The fields along a line of a contact.
 #[derive(Default)]
 pub(super) struct Line {
     /// Places with pressure, tangential traction and slip bound; NaN between parts.
@@ -23,7 +23,7 @@ impl Line {
         self.points.push((f64::NAN, [f64::NAN; 3]));
     }
 
-    /// Adds a zone, or goes on with the last where that ends here but for rounding.
+    /// Adds a zone, or extends the last one if that ends here up to rounding.
     pub fn zone(&mut self, [from, to]: [f64; 2], rounding: f64, (_, name, colour, _): State) {
         match self.zones.last_mut() {
             Some(zone) if zone.name == name && (from - zone.to).abs() <= rounding => zone.to = to,
@@ -92,7 +92,7 @@ pub(super) fn contact(title: &str, bodies: &Bodies, pair: usize) -> Chart {
 /// Interrupts a line.
 const GAP: (f64, f64) = (f64::NAN, f64::NAN);
 
-/// Contact places, and where they lie along the boundary, for each of its parts.
+/// Contact places with their positions along the boundary, for each of its parts.
 type Places = Vec<Vec<(f64, usize)>>;
 
 /// The places of a contact in the order of its boundary, with a coordinate where the boundary goes along an
@@ -113,7 +113,7 @@ fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
         next.get(&a)
             .map_or(0.0, |&b| length(minus(node(b), node(a))))
     };
-    // The chain of a node, and how far along it that lies.
+    // The chain of a node, and its position along it.
     let mut begin: HashMap<u32, (usize, f64)> = HashMap::new();
     for (number, chain) in chains(&edges).into_iter().enumerate() {
         let mut s = 0.0;
@@ -185,7 +185,7 @@ fn chains(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     chains
 }
 
-/// The part in contact and what is around it, where that is small.
+/// The part in contact with its surroundings, if that is small.
 fn zoomed(mut parts: Places, fields: &ContactFields) -> Places {
     let span = |least: f64| {
         let all = parts.iter().flatten();

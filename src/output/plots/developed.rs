@@ -1,4 +1,4 @@
-//! Contact surfaces in space laid flat: seen along their mean normal, or unrolled where they go round an axis.
+//! Contact surfaces in space laid flat: seen along their mean normal, or unrolled around an axis.
 
 mod circle;
 
@@ -12,35 +12,36 @@ use faer::Mat;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
-/// Facets are seen well along a direction whose cosine with their normal is larger.
+/// Facets are well visible along a direction whose cosine with their normal is larger than this.
 const SEEN_WELL: f64 = 0.5;
 /// And at all, if it is larger than this one.
 const SEEN: f64 = 0.02;
 /// Less than this part of the area need not be seen: the last facets at the rim of a hollow.
 const HIDDEN: f64 = 0.04;
-/// A direction is taken for an axis where the cosine between them is larger.
+/// A direction counts as an axis if the cosine between them is larger than this.
 const NEARLY: f64 = 0.995;
 /// The cosine between the normals of its facets and the radius is at least this one.
 const ALONG: f64 = 0.8;
-/// The normals of what goes round an axis have less of it, as a part of their squares.
+/// The normals around an axis have less than this part of their squares along it.
 const ACROSS: f64 = 0.02;
-/// No more pieces of a surface are shown.
+/// The most pieces of a surface that are shown.
 const MOST: usize = 4;
 
 /// A surface, or a part of one, laid flat.
 pub(super) struct Developed {
-    /// Places of nodes in the developed surface, and these, of facets or their parts; what is nearer to the viewer later.
+    /// Positions of nodes in the developed surface, with these nodes, for facets or their parts; those nearer to the
+    /// viewer come later.
     pub triangles: Vec<([[f64; 2]; 3], [u32; 3])>,
-    /// The edges of facets (halves of curved ones), whether the developed surface ends there, and how much of an edge it is.
+    /// The edges of facets (halves of curved ones), whether the developed surface ends there, and the part of a whole edge.
     pub edges: Vec<([[f64; 2]; 2], bool, f64)>,
-    /// What is seen, and from where.
+    /// The viewed side, and the view point.
     pub caption: String,
-    /// What both coordinates measure.
+    /// The quantities of both coordinates.
     pub labels: [String; 2],
     way: Way,
 }
 
-/// How a surface becomes a developed surface.
+/// The map from a surface to a developed surface.
 #[derive(Clone, Copy)]
 enum Way {
     /// Two directions.
@@ -54,7 +55,7 @@ enum Way {
 }
 
 impl Way {
-    /// The place of x in the developed surface; angles lie around `near`.
+    /// The position of x in the developed surface; angles are taken around `near`.
     fn place(&self, x: [f64; 3], near: f64) -> [f64; 2] {
         match *self {
             Self::Flat(axes) => axes.map(|axis| dot(axis, x)),
@@ -152,12 +153,12 @@ pub(super) fn developed_parts(
 impl Facets<'_> {
     /// One developed surface for some facets, where one shows them all.
     fn one(&self, part: &[usize]) -> Option<Developed> {
-        // What touches is to be seen best; a large boundary may be bent away from it.
+        // The touching part should be seen best; a large boundary may bend away from it.
         let touches = |f: usize| f64::from(u8::from(self.pressure(f) > 0.0));
         let ways = [self.mean(part, touches), self.mean(part, |_| 1.0)];
         for way in ways {
             let seen = part.iter().map(|&f| dot(self.normals[f].1, way));
-            // Where there is no mean, nothing is seen along it.
+            // Without a mean, nothing is visible along it.
             let least = seen.fold(1.0, |least, v| if v >= least { least } else { v });
             if least > SEEN_WELL {
                 return Some(self.flat(part, way));
@@ -174,7 +175,7 @@ impl Facets<'_> {
         }
     }
 
-    /// The part of the area of some facets that is not seen along a direction.
+    /// The part of the area of some facets that is hidden along a direction.
     fn hidden(&self, part: &[usize], along: [f64; 3]) -> f64 {
         let is_hidden = |f: usize| !(dot(self.normals[f].1, along) > SEEN);
         let hidden = part.iter().filter(|&&f| is_hidden(f));
@@ -182,7 +183,7 @@ impl Facets<'_> {
         hidden.map(area).sum::<f64>() / part.iter().map(area).sum::<f64>()
     }
 
-    /// The mean normal of some facets, weighted; not finite where there is none.
+    /// The mean normal of some facets, weighted; not finite if it is undefined.
     fn mean(&self, part: &[usize], weight: impl Fn(usize) -> f64) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for &f in part {
@@ -205,7 +206,7 @@ impl Facets<'_> {
         forces.sum()
     }
 
-    /// The direction that the normals of some facets have least of, upwards; None if one of them has much of it.
+    /// The direction of which the normals of some facets have least, upwards; None if one of them has much of it.
     fn axis(&self, part: &[usize]) -> Option<[f64; 3]> {
         let total: f64 = part.iter().map(|&f| self.normals[f].0).sum();
         let matrix = Mat::from_fn(3, 3, |i, j| {
@@ -219,7 +220,7 @@ impl Facets<'_> {
         (values[least] < ACROSS * total).then(|| axis.map(|v| turn * v + 0.0))
     }
 
-    /// Facets as they are seen along a direction, their mean normal.
+    /// Facets seen along a direction, their mean normal.
     fn flat(&self, part: &[usize], normal: [f64; 3]) -> Developed {
         let normal = match normal.iter().position(|v| v.abs() > NEARLY) {
             Some(c) => std::array::from_fn(|k| if k == c { normal[c].signum() } else { 0.0 }),
@@ -239,7 +240,7 @@ impl Facets<'_> {
         self.developed(part, Way::Flat(axes), caption, labels, normal)
     }
 
-    /// Facets around an axis, unrolled so that the largest pressure lies in the middle; None if they are not round.
+    /// Facets around an axis, unrolled so that the largest pressure is in the middle; None if they are not round.
     fn rolled(&self, part: &[usize]) -> Option<Developed> {
         let axis = self.axis(part)?;
         let first = flat_axes(axis)[0];
@@ -337,7 +338,7 @@ impl Facets<'_> {
         // The nodes of each.
         let places: Vec<Vec<[f64; 2]>> = facets()
             .map(|nodes| {
-                // All on the same side of the cut, that on which the middle lies.
+                // All on the same side of the cut, the side of the middle.
                 let near = match way {
                     Way::Flat(_) => 0.0,
                     Way::Rolled { axes, centre, .. } => {

@@ -18,7 +18,7 @@ summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x
 @media print { :root { --ink: #000; --paper: #fff; --line: #ccc; --quiet: #444 } body { font-size: 8.5pt; line-height: 1.3; max-width: none; margin: 0; padding: 0; columns: 2; column-gap: 8mm } h1, h1 + p, .wide { column-span: all } h2 { font-size: 10.5pt; margin-top: 0; break-after: avoid } figure { margin: .3rem 0; break-inside: avoid; overflow: visible } figure svg { max-height: 78mm; width: 100% } section { break-inside: avoid; padding-top: .8rem } th, td { padding: .1rem .5rem .1rem 0 } .scroll { overflow: visible } details:not([open]), summary, noscript { display: none } }
 ";
 
-/// Pictures of earlier load steps are on the page where there are no more steps than this.
+/// Pictures of earlier load steps are on the page if there are at most this many steps.
 const MOST_STEPS: usize = 12;
 
 /// Tables with more columns than this take the whole width of a printed page, others one of its two columns.
@@ -60,7 +60,7 @@ pub(super) fn page(report: &Report, pictures: &[Picture]) -> String {
     page + "</main></body></html>\n"
 }
 
-/// The title, how it ended, what to look at.
+/// The title, the end of the solve, the hints.
 fn head(out: &mut String, report: &Report) {
     let title = match report.title.as_str() {
         "" => "signorini".to_owned(),
@@ -79,7 +79,7 @@ fn head(out: &mut String, report: &Report) {
         Some(Status::Interrupted) => ("status bad", "NOT converged: interrupted"),
         Some(Status::Unstable) => (
             "status bad",
-            "UNSTABLE: in balance, but a small push ends it",
+            "UNSTABLE: in balance, but the slightest push ends it",
         ),
         None => ("status bad", "ended by an error"),
     };
@@ -132,7 +132,7 @@ fn components(force: &[f64]) -> impl Iterator<Item = String> {
     force.iter().map(|v| format!("{v:.6e}"))
 }
 
-/// What the contacts carry at the end of a step.
+/// The forces of the contacts at the end of a step.
 fn contacts(out: &mut String, report: &Report, step: &StepReport) {
     let Some(first) = step.contacts.first() else {
         return;
@@ -166,7 +166,7 @@ fn contacts(out: &mut String, report: &Report, step: &StepReport) {
             .collect()
     });
     table(out, "Contacts at the end", &head, rows);
-    out.push_str("<p class=\"note\">Forces act on the body of the boundary named first.</p>\n");
+    out.push_str("<p class=\"note\">Forces act on the body of the first-named boundary.</p>\n");
 }
 
 /// The loads and the reactions of the supports in a step.
@@ -218,7 +218,7 @@ fn steps(out: &mut String, report: &Report) {
     table(out, "Load steps", &head, rows);
 }
 
-/// How far each optimality condition is from being met.
+/// The violation of each optimality condition.
 fn conditions(out: &mut String, report: &Report) {
     let kkt = &report.kkt;
     let rows = [
@@ -237,7 +237,7 @@ fn conditions(out: &mut String, report: &Report) {
     table(out, "Optimality conditions", &head, rows.into_iter());
 }
 
-/// What it has cost.
+/// The costs.
 fn work(out: &mut String, report: &Report) {
     let (t, engine) = (&report.timings, &report.path);
     let place = match &engine.adapter {

@@ -1,4 +1,4 @@
-//! What the colours of pictures mean: of contact nodes and of fields.
+//! The meaning of colours in pictures: of contact nodes and of fields.
 
 use super::chart::{colour, nice};
 use super::raster::viridis;
@@ -6,10 +6,10 @@ use super::svg::{Svg, escape};
 use crate::mesh::{ElementKind, Topology};
 use crate::output::{ContactFields, NodeStatus};
 
-/// What a contact node does, what that is called, the colour of such zones and that of such nodes.
+/// A state of a contact node, its name, the colour of such zones and that of such nodes.
 pub(super) type State = (NodeStatus, &'static str, &'static str, &'static str);
 
-/// All of them.
+/// All states.
 const STATES: [State; 5] = {
     use NodeStatus::{Frictionless, Separated, Slip, Stick, Tied};
     [
@@ -21,7 +21,7 @@ const STATES: [State; 5] = {
     ]
 };
 
-/// That of a contact node.
+/// The state of a contact node.
 pub(super) fn state<const D: usize>(contact: &ContactFields<D>, i: usize) -> State
 where
     ElementKind: Topology<D>,
@@ -31,12 +31,12 @@ where
     of.unwrap_or(STATES[4])
 }
 
-/// What contact nodes may do in this case.
+/// The possible states of contact nodes in this case.
 pub(super) fn states<const D: usize>(contact: &ContactFields<D>) -> Vec<State>
 where
     ElementKind: Topology<D>,
 {
-    // Bodies without friction know no stick and slip, and most with friction nothing else.
+    // Bodies without friction have no stick and slip, and most with friction have nothing else.
     let has_friction = contact.any_friction();
     let mut all = 0..contact.pressure.len();
     let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);
@@ -50,7 +50,7 @@ where
     STATES.into_iter().filter(may).collect()
 }
 
-/// The value that gets the last of the colours: the largest, but a few singular corners must not take all of them.
+/// The value of the last colour: the largest, except that a few singular corners must not determine it.
 pub(super) fn top(values: &[f64]) -> f64 {
     let largest = values.iter().copied().fold(0.0, f64::max);
     let mut sorted = values.to_vec();
@@ -63,7 +63,7 @@ pub(super) fn top(values: &[f64]) -> f64 {
     }
 }
 
-/// The same for contact pressures, of those that there are; where these are few, none of them is taken for singular.
+/// The same for contact pressures, among those that exist; if these are few, none of them counts as singular.
 pub(super) fn top_pressure(values: &[f64]) -> f64 {
     const FEW: usize = 100;
     let pressed: Vec<f64> = values.iter().copied().filter(|&p| p > 0.0).collect();
@@ -74,7 +74,7 @@ pub(super) fn top_pressure(values: &[f64]) -> f64 {
     }
 }
 
-/// The values of a colour bar, round ones from 0 to `top`; 0 alone where there is nothing else.
+/// The values of a colour bar, round ones from 0 to `top`; only 0 if all values vanish.
 pub(super) fn ticks(top: f64, largest: f64) -> impl Iterator<Item = f64> {
     let step = nice(top / 8.0);
     let ticks = (0..).map(move |k| f64::from(k) * step);
@@ -83,7 +83,7 @@ pub(super) fn ticks(top: f64, largest: f64) -> impl Iterator<Item = f64> {
 
 /// The bar with the colours of a field from 0 on.
 pub(super) struct ColourBar<'a> {
-    /// Of its colours: no other on the page may have it.
+    /// The name of its colours: no other on the page may have it.
     pub name: String,
     pub unit: &'a str,
     /// The value with the last of the colours.

@@ -1,13 +1,13 @@
-//! The part of a rigid obstacle in space that lies near its contact, as triangles.
+//! The part of a rigid obstacle in space near its contact, as triangles.
 
 use crate::contact::{Obstacle, frame};
 use crate::mesh::vector::{bounds, cross, dot, length, minus, unit};
 use crate::model::Elastic;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How far it is drawn beyond what is near it, as a part of the size of the mesh.
+/// The margin of the drawing beyond the near part, as a part of the size of the mesh.
 const AROUND: f64 = 0.07;
-/// What is near, as a part of that size.
+/// The distance that counts as near, as a part of that size.
 const NEAR: f64 = 0.02;
 /// Facets along a half circle.
 const ROUND: f64 = 48.0;
@@ -34,7 +34,7 @@ impl Patch {
         let ends = [self.rows.first(), self.rows.last()];
         let mut lines: Vec<_> = ends.into_iter().flatten().cloned().collect();
         let sides = [column(|row| row.first()), column(|row| row.last())];
-        // What is closed around has no sides.
+        // A closed surface has no sides.
         if sides[0] != sides[1] {
             lines.extend(sides);
         }
@@ -42,7 +42,7 @@ impl Patch {
     }
 }
 
-/// Those of the rigid obstacles of a case.
+/// The patches of the rigid obstacles of a case.
 pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
     let (low, high) = elastic.mesh.bounding_box();
     let size = length(minus(high, low));
@@ -126,7 +126,7 @@ fn on_circle(centre: [f64; 3], radius: f64, angle: f64, [a, b]: [[f64; 3]; 2]) -
     along(centre, &[(radius * cos, a), (radius * sin, b)])
 }
 
-/// The mean direction of vectors; any where there is none.
+/// The mean direction of vectors; an arbitrary one if it is undefined.
 fn towards(vectors: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     let sum = vectors.fold([0.0; 3], |sum, v| std::array::from_fn(|c| sum[c] + v[c]));
     if sum == [0.0; 3] {
@@ -148,7 +148,7 @@ fn steps([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     (0..=count as usize).map(move |k| from + (to - from) * k as f64 / count)
 }
 
-/// Points all around, the first of them again at the end.
+/// Points all around, with the first repeated at the end.
 fn around(point: impl Fn(f64) -> [f64; 3]) -> Vec<[f64; 3]> {
     let mut row: Vec<[f64; 3]> = steps([0.0, 2.0 * PI]).map(point).collect();
     // To the last bit.

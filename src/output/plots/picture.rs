@@ -92,7 +92,7 @@ impl Scene<'_> {
                 Obstacle::HalfSpace { point, normal } => {
                     let [x, y] = self.place(point);
                     let angle = normal[0].atan2(normal[1]).to_degrees();
-                    // Turned so that its inside lies below.
+                    // Rotated so that its inside is below.
                     svg.put(format_args!(
                         "<rect x=\"-9999\" y=\"0\" width=\"19998\" height=\"9999\" transform=\"translate({x:.2} {y:.2}) rotate({angle:.4})\"/>"
                     ));

@@ -16,7 +16,7 @@ pub(super) const VIRIDIS: [[u8; 3]; 11] = [
 ];
 /// Pixels per unit of the picture, so that it may be drawn larger.
 pub(super) const FINE: f64 = 2.0;
-/// Levels of the colour map: what a byte can tell apart, with room for nothing and for colours that are no value.
+/// Levels of the colour map: those of a byte, minus some for the background and for fixed colours.
 const LEVELS: u8 = 248;
 
 /// The colour of a value from 0 to 1.
@@ -41,7 +41,7 @@ pub(super) struct Raster {
     height: usize,
     /// Row by row from the top, as places in the palette.
     pixels: Vec<u8>,
-    /// Nothing, the levels of the map, and what was added.
+    /// The background, the levels of the map, and added colours.
     palette: Vec<[u8; 3]>,
 }
 
@@ -58,13 +58,13 @@ impl Raster {
         }
     }
 
-    /// What stands for a value from 0 to 1.
+    /// The index of a value from 0 to 1.
     pub fn level(value: f64) -> u8 {
         // Half of one more rounds.
         (value.clamp(0.0, 1.0) * f64::from(LEVELS - 1) + 1.5) as u8
     }
 
-    /// What stands for a colour that is no value, `#rrggbb`.
+    /// The index of a fixed colour, `#rrggbb`.
     pub fn add(&mut self, colour: &str) -> u8 {
         let part = |k| {
             colour
@@ -100,7 +100,7 @@ impl Raster {
     }
 }
 
-/// The pixels of an image of this width and height, row by row, that lie in a triangle, and the weights of its corners.
+/// The pixels of an image of this width and height, row by row, inside a triangle, and the weights of its corners.
 pub(super) fn each_in(
     [width, height]: [usize; 2],
     x: [[f64; 2]; 3],
@@ -113,13 +113,13 @@ pub(super) fn each_in(
     let range = |c: usize, end: usize| {
         let low = x.iter().map(|p| p[c]).fold(f64::INFINITY, f64::min);
         let high = x.iter().map(|p| p[c]).fold(f64::NEG_INFINITY, f64::max);
-        // Centres of pixels lie at one half.
+        // Centres of pixels are at one half.
         let first = (low - 0.5).ceil().max(0.0) as usize;
         let last = (high - 0.5).floor().min(end as f64 - 1.0);
         first..if last < 0.0 { 0 } else { last as usize + 1 }
     };
     let columns = range(0, width);
-    // How weights change from one column to the next.
+    // The change of weights from one column to the next.
     let slopes = [[1, 2], [2, 0], [0, 1]].map(|[p, q]| (x[p][1] - x[q][1]) / doubled);
     for row in range(1, height) {
         let p = [columns.start as f64 + 0.5, row as f64 + 0.5];
@@ -145,7 +145,7 @@ pub(super) fn each_in(
     }
 }
 
-/// Twice the area of a triangle, negative where its corners go round to the left in a picture.
+/// Twice the area of a triangle, negative if its corners are counter-clockwise in a picture.
 pub(super) fn area([a, b, c]: [[f64; 2]; 3]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
@@ -166,7 +166,7 @@ pub(super) fn largest([a, b, c]: [f64; 3]) -> usize {
     }
 }
 
-/// Pixels, row by row, as PNG, in colours that are said first.
+/// Pixels, row by row, as PNG with a palette.
 pub(super) fn png(
     [width, height]: [usize; 2],
     pixels: &[u8],

@@ -20,14 +20,14 @@ const MARGIN: f64 = 26.0;
 const LEGEND: f64 = 110.0;
 const HEAD: f64 = 80.0;
 const FOOT: f64 = 50.0;
-/// Around a view, for what is on its border.
+/// Around a view, for lines on its border.
 const ROOM: f64 = 4.0;
 /// Edges of elements are drawn where these are longer than this on average.
 const VISIBLE_EDGE: f64 = 8.0;
 /// Lines are hidden and seen in pieces of this length.
 const PIECE: f64 = 1.5;
 
-/// What the picture and the view of a step are made of.
+/// The data of the picture and the view of a step.
 pub(super) struct Solids<'a> {
     pub bodies: &'a Bodies<'a, 3>,
     pub surface: Surface,
@@ -91,7 +91,7 @@ impl<'a> Solids<'a> {
     }
 }
 
-/// Where the two views stand.
+/// The positions of the two views.
 struct Layout {
     /// Units of the picture per unit of length.
     unit: f64,
@@ -104,7 +104,7 @@ struct Layout {
 impl Layout {
     /// For views of these sizes: beside each other or one below the other, whichever makes them larger.
     fn new([a, b]: [[f64; 2]; 2]) -> Self {
-        // What has no width is no reason to divide by zero.
+        // A view without width must not lead to a division by zero.
         let positive = |v: f64| v.max(f64::MIN_POSITIVE);
         let (widest, highest) = (positive(a[0].max(b[0])), positive(a[1].max(b[1])));
         let beside = ((WIDTH - GAP) / positive(a[0] + b[0])).min(0.75 * HEIGHT / highest);
@@ -120,7 +120,7 @@ impl Layout {
         };
         let width = (unit * widest).max(right + sizes[1][0]);
         let height = (unit * highest).max(down + sizes[1][1]).max(190.0);
-        // Narrow bodies stand in the middle under a long title.
+        // Narrow bodies are centred under a long title.
         let left = MARGIN + 0.5 * (460.0 - width).max(0.0);
         Self {
             unit,
@@ -194,7 +194,7 @@ impl View<'_> {
         svg
     }
 
-    /// The borders of obstacles, the edges of elements and the outlines, as far as they are seen.
+    /// The borders of obstacles, the edges of elements and the outlines, where visible.
     fn lines(&self, svg: &mut Svg, buffer: &ZBuffer, places: &[[f64; 3]]) {
         let edges = &self.solids.surface.edges;
         let seen = |lines: &mut dyn Iterator<Item = [[f64; 3]; 2]>| {

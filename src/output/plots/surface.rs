@@ -7,8 +7,8 @@ use rayon::prelude::*;
 /// Facets that meet at a larger angle than the one with this cosine (40°) have an edge between them.
 pub(super) const SMOOTH: f64 = 0.766;
 
-/// The facets that belong to one element only, and what lies between them. A facet of second order is there in parts, with
-/// all of its nodes as corners of these.
+/// The facets that belong to only one element, and the edges between them. A facet of second order is stored in parts,
+/// whose corners are all of its nodes.
 pub(super) struct Surface {
     /// Ordered by their region.
     pub facets: Vec<OuterFacet>,
@@ -40,7 +40,7 @@ impl OuterFacet {
     }
 }
 
-/// A corner of facets that lie smoothly beside each other.
+/// A corner of smoothly adjacent facets.
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     pub node: u32,
@@ -57,12 +57,12 @@ pub(super) struct Edge {
     pub facets: [u32; 2],
     /// Whether the surface bends sharply there, or parts meet.
     pub sharp: bool,
-    /// How much of an edge of an element it is: all, a half, or nothing inside of a facet.
+    /// The part of an element's edge in it: all, a half, or nothing inside a facet.
     pub share: f64,
 }
 
 impl Surface {
-    /// That of a mesh.
+    /// The surface of a mesh.
     pub fn new(mesh: &Mesh<3>) -> Self {
         let outer = outer_facets(mesh);
         // The facet that each part belongs to.
@@ -148,8 +148,8 @@ pub(super) fn borders<'a>(facets: impl Iterator<Item = &'a [u32]>) -> Vec<Border
     groups.map(border).collect()
 }
 
-/// The edges of the surface; `whole` tells which facet each is a part of. Facets of several bodies, or more than two, have a
-/// sharp one.
+/// The edges of the surface; `whole` gives the facet that each is a part of. An edge between facets of several bodies, or of
+/// more than two facets, is sharp.
 fn edges(facets: &[OuterFacet], normals: &[[f64; 3]], whole: &[u32]) -> Vec<Edge> {
     let is_part = |k: usize| {
         let beside = |other: Option<&u32>| other == Some(&whole[k]);
@@ -175,7 +175,7 @@ fn edges(facets: &[OuterFacet], normals: &[[f64; 3]], whole: &[u32]) -> Vec<Edge
     all.into_iter().map(edge).collect()
 }
 
-/// The first of what is joined with i.
+/// The representative of the set of i.
 pub(super) fn root(joined: &mut [u32], mut i: u32) -> u32 {
     while joined[i as usize] != i {
         joined[i as usize] = joined[joined[i as usize] as usize];
@@ -184,13 +184,13 @@ pub(super) fn root(joined: &mut [u32], mut i: u32) -> u32 {
     i
 }
 
-/// Joins two of them with all that they are joined with.
+/// Joins two sets.
 pub(super) fn join(joined: &mut [u32], pair: [u32; 2]) {
     let [a, b] = pair.map(|i| root(joined, i));
     joined[a.max(b) as usize] = a.min(b);
 }
 
-/// The vertices; facets are told theirs.
+/// The vertices; facets receive theirs.
 fn vertices(
     mesh: &Mesh<3>,
     facets: &mut [OuterFacet],
@@ -277,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Facets of second order are there in parts, whose edges within them are no edges of elements.
+    /// Facets of second order are stored in parts, and the edges inside a facet are not edges of elements.
     #[test]
     fn curved_facets_are_parts_at_their_nodes() {
         let size = [2.0, 1.0, 1.0];

@@ -1,4 +1,4 @@
-//! Writing SVG: what all pictures are made of.
+//! Writing SVG: the parts of all pictures.
 
 use crate::output::put;
 use base64::Engine as _;
@@ -37,14 +37,14 @@ impl Svg {
         put(&mut self.text, line);
     }
 
-    /// Lines; `style` says how they look.
+    /// Lines with a `style`.
     pub fn path(&mut self, path: &str, style: &str) {
         if !path.is_empty() {
             self.put(format_args!("<path d=\"{path}\" fill=\"none\" {style}/>"));
         }
     }
 
-    /// What follows up to `close` counts from this place.
+    /// Coordinates up to `close` are relative to this point.
     pub fn open(&mut self, [x, y]: [f64; 2]) {
         self.put(format_args!("<g transform=\"translate({x:.1} {y:.1})\">"));
     }
@@ -61,7 +61,7 @@ impl Svg {
         ));
     }
 
-    /// Samples, each with its name, from left to right and in more lines where there is no room.
+    /// Samples, each with its name, from left to right and on more lines if necessary.
     pub fn legend(&mut self, entries: &[(String, String)], [left, top]: [f64; 2], right: f64) {
         for ((sample, name), [x, y]) in entries.iter().zip(places(entries, left, right)) {
             let (y, name) = (top + y, escape(name));
@@ -77,7 +77,7 @@ impl Svg {
     }
 }
 
-/// Where the entries of a legend stand, counted down from its first line.
+/// The positions of the entries of a legend, counted down from its first line.
 pub(super) fn places(entries: &[(String, String)], left: f64, right: f64) -> Vec<[f64; 2]> {
     let (mut x, mut y) = (left, 0.0);
     let place = |(_, name): &(String, String)| {

@@ -1,4 +1,4 @@
-// The view of solids in report.html that can be turned. It needs WebGL; where there is none, the still picture stays.
+// The rotatable view of solids in report.html. It needs WebGL; without WebGL the still picture stays.
 (function () {
   "use strict";
 
@@ -58,7 +58,7 @@
     const places = Float32Array.from(new Uint16Array(bytes(data.places)), (v, i) => (v / 65535) * data.size[i % 3]);
     const normals = Float32Array.from(new Int8Array(bytes(data.normals)), (v) => v / 127);
     const corners = new Uint32Array(bytes(data.facets)), triangles = [];
-    // Where the triangles of a facet begin; one with three corners names the last of them twice.
+    // The start of each facet's triangles; a facet with three corners repeats the last of them.
     const begin = [0];
     for (let f = 0; f < corners.length; f += 4) {
       const [a, b, c, d] = corners.subarray(f, f + 4);
@@ -151,7 +151,7 @@
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
 
-  // What the colours of a field mean.
+  // The meaning of the colours of a field.
   function colourBar(legend, field, colours) {
     legend.textContent = "";
     element("div", legend, { textContent: field.unit });
@@ -191,7 +191,7 @@
     }
   }
 
-  // Mouse, fingers, wheel and keys. `point` is called with the point of the canvas under the pointer, or with nothing.
+  // Mouse, fingers, wheel and keys. `point` receives the point of the canvas under the pointer, or nothing.
   function listen(canvas, turn, shift, zoom, point) {
     const held = new Map();
     canvas.onpointerdown = (event) => {
@@ -229,7 +229,7 @@
     };
   }
 
-  // What the GPU holds, and how it is drawn.
+  // The data on the GPU, and their drawing.
   class Painter {
     constructor(gl, data, shape) {
       Object.assign(this, { gl, shape, parts: data.parts, size: data.size });
@@ -265,7 +265,7 @@
       return [(2 * unit) / width, (2 * unit) / height, look.pan[0], look.pan[1]];
     }
 
-    // What is seen at a point of the stage: the part, the vertices of the triangle and their weights.
+    // The visible point of the stage: the part, the vertices of the triangle and their weights.
     pick(look, shown, x, y) {
       const { places, triangles, begin } = this.shape, { right, up, back } = axesOf(look), fit = this.fit(look);
       const moved = shown.displacement, centre = this.size.map((v) => 0.5 * v);
@@ -368,7 +368,7 @@
     }
   }
 
-  // What is set above the view: a line of lists, boxes and a slider.
+  // The controls above the view: a line of lists, boxes and a slider.
   class Controls {
     constructor(root) {
       this.bar = element("div", root, { className: "controls" });
@@ -385,7 +385,7 @@
       list.onchange = () => then(Number(list.value));
     }
 
-    // Its value, and what is shown beside it and read aloud.
+    // Its value, as text beside it and for screen readers.
     slider(text, most, value, then) {
       const label = this.label(text);
       const input = element("input", label, { type: "range", min: 0, max: most, value });
@@ -409,7 +409,7 @@
     }
   }
 
-  // Begins the view; false where there is no WebGL that can draw it.
+  // Starts the view; false if WebGL cannot draw it.
   function start(root, data) {
     const stage = element("div", null, { className: "stage" });
     const canvas = element("canvas", stage, { tabIndex: 0 });
@@ -468,10 +468,10 @@
       fill();
     }
 
-    // Moves the field to the GPU, and says what its colours mean.
+    // Moves the field to the GPU, and shows the meaning of its colours.
     function fill() {
       const field = decoded[shown.step].fields[shown.field];
-      // Colours mean what they mean in the step where the field is largest, or in this one.
+      // The scale of colours comes from the step where the field is largest, or from this one.
       const all = data.steps.map((s) => s.fields[shown.field]), most = all.reduce((a, b) => (b.top > a.top ? b : a));
       const scale = shown.fixed ? most : field;
       shown.scale = field.top / scale.top;

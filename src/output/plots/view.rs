@@ -1,4 +1,4 @@
-//! The view of solids in `report.html` that can be turned: what `view.js` needs of them, as text.
+//! The rotatable view of solids in `report.html`: the data for `view.js`, as text.
 
 use super::legend::{short, ticks, top_pressure};
 use super::obstacles::Patch;
@@ -9,10 +9,10 @@ use crate::output::shown_at_nodes;
 use base64::Engine as _;
 use serde_json::{Value, json};
 
-/// The page does not get larger than this by the view, in bytes.
+/// The largest size that the view may add to the page, in bytes.
 const LARGEST_PAGE: usize = 8 << 20;
 const SCRIPT: &str = include_str!("view.js");
-/// The look of the view and of what is beside it.
+/// The style of the view and of its controls.
 pub(super) const STYLE: &str = "
 .controls { display: flex; flex-wrap: wrap; gap: .4rem 1.2rem; align-items: center; margin: .6rem 0; font-size: 14px } .controls input { vertical-align: middle } .controls .number { display: inline-block; min-width: 3.2em }
 .stage { position: relative; height: 540px; border: 1px solid var(--line); color: #222; background: #fff } .stage canvas:focus-visible { outline: 3px solid #0072b2; outline-offset: 2px } .stage .value { position: absolute; left: 14px; top: 10px; margin: 0; font-size: 14px; pointer-events: none } .stage canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; cursor: grab } .stage canvas.axes { pointer-events: none }
@@ -21,20 +21,20 @@ pub(super) const STYLE: &str = "
 ";
 /// Values of a field are stored in this many steps from 0 to the value with the last of the colours.
 const STEPS: f64 = 65534.0;
-/// What stands for no value.
+/// The code for a missing value.
 const UNKNOWN: u16 = 65535;
 
-/// What the view shows of a step.
+/// The data of a step in the view.
 #[derive(Clone, Debug)]
 pub struct View {
     /// The surface at rest, from where it is looked at first, and its colours: the same for all steps.
     rest: String,
-    /// What has happened to it.
+    /// The end of the step.
     step: String,
 }
 
 impl View {
-    /// That of a step.
+    /// The view of a step.
     pub(super) fn new(solids: &Solids) -> Self {
         Self {
             rest: text(&rest(solids)),
@@ -114,8 +114,8 @@ fn rest(solids: &Solids) -> Value {
     })
 }
 
-/// The contact pressure at each node of the mesh that has one: those of contact places, and what they meet, with the mean of
-/// what presses on them.
+/// The contact pressure at each node of the mesh with one: at contact places, and on the other side the mean of the
+/// pressures on it.
 fn pressures(solids: &Solids) -> Vec<Option<f64>> {
     let (elastic, contact) = (solids.bodies.elastic, solids.bodies.contact);
     let mut sums = vec![(0.0, 0.0); elastic.mesh.nodes.len()];
@@ -149,10 +149,10 @@ fn step(solids: &Solids) -> Value {
         json!({
             "name": name,
             "unit": unit,
-            // What the last of the colours means.
+            // The value of the last colour.
             "top": top,
             "values": packed(shown.map(u16::to_le_bytes)),
-            // Where numbers stand beside the colours, as parts of all of them.
+            // The positions of numbers beside the colours, as parts of the whole bar.
             "ticks": ticks.collect::<Vec<_>>(),
             "largest": (largest > top).then(|| short(largest)),
         })
@@ -185,7 +185,7 @@ fn step(solids: &Solids) -> Value {
 }
 
 /// Adds the view to the page, with as many of the last steps as there is room for; `used` are the bytes of the page
-/// without it. Whether there was any.
+/// without it. Returns whether there was any room.
 pub(super) fn put_view(out: &mut String, views: &[&View], used: usize) -> bool {
     let Some(last) = views.last() else {
         return false;
@@ -208,7 +208,8 @@ pub(super) fn put_view(out: &mut String, views: &[&View], used: usize) -> bool {
         _ => String::new(),
     };
     if shown > 0 {
-        out.push_str("<div id=\"solid\" hidden></div>\n<noscript><p class=\"note\">With JavaScript there is a view here that can be turned.</p></noscript>\n");
+        out.push_str("<div id=\"solid\" hidden></div>\n<noscript><p class=\"note\">With JavaScript enabled, this \
+                      section shows a view that can be turned.</p></noscript>\n");
     }
     if !note.is_empty() {
         *out += &format!("<p class=\"note\">{note}</p>\n");

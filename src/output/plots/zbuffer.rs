@@ -1,4 +1,4 @@
-//! Pictures of surfaces in space, with what is hidden left out: samples that keep what is nearest to the viewer.
+//! Pictures of surfaces in space without hidden parts: each sample keeps the surface nearest to the viewer.
 
 use super::raster::{area, each_in, mean, png, viridis};
 use rayon::prelude::*;
@@ -7,24 +7,24 @@ use rayon::prelude::*;
 const SAMPLES: usize = 2;
 /// A point is hidden where all samples around it are nearer to the viewer by more than this many samples.
 const BEHIND: f32 = 2.0;
-/// The grey of what only lies around the bodies, how much of it shows in front of them and beside them.
+/// The grey of obstacles around the bodies, and its opacity in front of them and beside them.
 const VEIL: [f32; 3] = [205.0, 208.0, 212.0];
 const IN_FRONT: f32 = 0.22;
 const BESIDE: f32 = 0.62;
-/// How far the best lit faces are brightened, and those without light darkened.
+/// The brightening of the best lit faces, and the darkening of those without light.
 const BRIGHT: f32 = 0.2;
 const DARK: f32 = 0.33;
 /// Colours between the first and the last: neighbouring ones differ by less than the step of a byte.
 const LEVELS: usize = 1000;
 
-/// What is seen at a sample.
+/// The surface at a sample.
 #[derive(Clone, Copy)]
 struct Sample {
     /// Towards the viewer.
     depth: f32,
     value: f32,
     shade: f32,
-    /// The depth of what only veils the bodies.
+    /// The depth of the obstacle that veils the bodies.
     veil: f32,
 }
 
@@ -36,8 +36,8 @@ pub(super) struct ZBuffer {
     samples: Vec<Sample>,
 }
 
-/// A corner of a triangle: its place in pixels, to the right, down and towards the viewer, its value, and how
-/// bright it is: 0.5 leaves the colour of the value as it is.
+/// A corner of a triangle: its position in pixels, to the right, down and towards the viewer, its value, and its
+/// brightness: 0.5 leaves the colour of the value unchanged.
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
     pub at: [f64; 3],
@@ -61,8 +61,8 @@ impl ZBuffer {
         }
     }
 
-    /// A triangle of a body, its corners to the left around what is outside: of what is turned away, something nearer
-    /// hides all.
+    /// A triangle of a body, with its corners counter-clockwise seen from outside: triangles turned away are always
+    /// hidden by something nearer.
     pub fn triangle(&mut self, corners: [Corner; 3]) {
         if area(corners.map(|corner| [corner.at[0], corner.at[1]])) > 0.0 {
             return;
@@ -136,7 +136,7 @@ impl ZBuffer {
     pub fn png(&self, top: f64) -> Vec<u8> {
         png([self.width, self.height], &self.pixels(top), |encoder| {
             encoder.set_color(png::ColorType::Rgba);
-            // Half as large again, in a third of the time, which is most of what a picture takes.
+            // The file is half as large again, in a third of the time, which is most of the time of a picture.
             encoder.set_compression(png::Compression::Fast);
         })
     }
@@ -152,7 +152,7 @@ impl Sample {
         }
         let level = f64::from(self.value) / top * LEVELS as f64 + 0.5;
         let full = colours[(level as usize).min(LEVELS)];
-        // What touches the bodies does not veil them.
+        // An obstacle that touches the bodies does not veil them.
         let is_veiled = self.veil > self.depth + BEHIND / SAMPLES as f32;
         let veiled = if is_veiled { IN_FRONT } else { 0.0 };
         // Towards white or black, so that dark colours are lit, too.
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nearer_hides_what_is_behind_in_any_order() {
+    fn nearer_surfaces_hide_farther_ones_in_any_order() {
         let left = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]];
         let all = [[-9.0, -9.0], [-9.0, 20.0], [20.0, -9.0]];
         let [near, far] = [flat(left, 9.0, 1.0), flat(all, 1.0, 0.0)];

@@ -8,8 +8,8 @@ use crate::sparse::{BlockCsr, dot};
 use faer::Mat;
 use rayon::prelude::*;
 
-/// A motion counts as one without stiffness where no unknown is pulled back by more than this part of what its
-/// own row of K could: rounding of K, and nothing that a real support or spring would do.
+/// A motion counts as one without stiffness if no unknown is pulled back by more than this part of the largest force
+/// that its row of K allows: rounding of K, below any real support or spring.
 pub(super) const STIFFLESS: f64 = 1e-11;
 /// Columns of a basis are dependent below this part of the largest.
 const DEPENDENT: f64 = 1e-10;
@@ -95,8 +95,8 @@ fn floating_among<const D: usize, const M: usize>(
     })
 }
 
-/// Makes the columns of a basis orthogonal, of norm `unit`, without those that the rest leaves dependent; returns
-/// what the new columns, which come first, are made of.
+/// Makes the columns of a basis orthogonal, of norm `unit`, without dependent ones; returns the coefficients of the new
+/// columns, which come first.
 pub(super) fn orthogonal<const D: usize, const M: usize>(
     mode_of: &mut [[[f64; M]; D]],
     unit: f64,
@@ -114,8 +114,8 @@ pub(super) fn orthogonal<const D: usize, const M: usize>(
     let mut weights: Vec<[f64; M]> = kept
         .map(|k| std::array::from_fn(|a| vectors[(a, k)] * unit / values[k].sqrt()))
         .collect();
-    // In space motions of symmetric bodies have the same eigenvalue, and which mixture of them comes out is a matter of
-    // rounding: one after another they keep their axes.
+    // In space motions of symmetric bodies have the same eigenvalue, and rounding would decide their mixture: one after
+    // another they keep their axes.
     if D > 2 && weights.len() == M {
         weights = one_after_another(&gram, unit);
     }
@@ -129,7 +129,7 @@ pub(super) fn orthogonal<const D: usize, const M: usize>(
     Some(weights)
 }
 
-/// The columns of a basis with these products made orthogonal, each without what the ones before it have of it.
+/// The columns of a basis with these products made orthogonal, one after another.
 fn one_after_another<const M: usize>(gram: &Mat<f64>, unit: f64) -> Vec<[f64; M]> {
     let product = |x: &[f64; M], y: &[f64; M]| -> f64 {
         let rows = x.iter().enumerate();
@@ -151,7 +151,7 @@ fn one_after_another<const M: usize>(gram: &Mat<f64>, unit: f64) -> Vec<[f64; M]
     weights
 }
 
-/// What pulls unknowns back that the first `independent` motions move, as a part of what their rows of K could.
+/// The largest force on unknowns that the first `independent` motions move, as a part of the limit of their rows of K.
 fn pulled_back<const D: usize, const M: usize>(
     k: &BlockCsr<D>,
     nodes: &[u32],
@@ -181,7 +181,7 @@ fn pulled_back<const D: usize, const M: usize>(
             (0..D).filter_map(move |a| {
                 let (mut sum, mut most) = ([0.0; M], 0.0);
                 for (&j, block) in cols.iter().zip(blocks) {
-                    // Blocks of nothing but zeros may lead out of the body.
+                    // Blocks of zeros alone may lead out of the body.
                     if block[a] == [0.0; D] {
                         continue;
                     }

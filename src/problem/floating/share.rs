@@ -1,5 +1,5 @@
-//! Bodies that can move as a whole where their nodes are on several ranks: what tells how they move is a few numbers, from which
-//! each rank makes the motions of its own nodes.
+//! Bodies that can move as a whole where their nodes are on several ranks: a few numbers define their motions, from which each
+//! rank makes those of its own nodes.
 
 use super::find::{STIFFLESS, orthogonal};
 use super::{FloatingBodies, FloatingBody};
@@ -9,22 +9,23 @@ use crate::rigid::{self, Frame, length};
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-/// Rows that a basis of directions held is made of at once.
+/// The rows from which a basis of held directions is made at once.
 const AT_ONCE: usize = 512;
 
-/// How a body can move as a whole.
+/// The possible motions of a body as a whole.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Motions {
     centre: Vec<f64>,
     size: f64,
-    /// As [`FloatingBody::motions`].
+    /// Like [`FloatingBody::motions`].
     motions: Vec<Vec<f64>>,
-    /// What they are divided by, for columns of R of length one.
+    /// The divisor for columns of R of length one.
     unit: f64,
 }
 
 impl Motions {
-    /// How a body with these nodes can move, where some are held along directions: none, where it cannot.
+    /// The possible motions of a body with these nodes, some of which are held along directions: none if it cannot
+    /// move.
     pub fn left<const D: usize>(
         points: &[[f64; D]],
         held: &[([f64; D], [f64; D])],
@@ -42,8 +43,8 @@ impl Motions {
         }
     }
 
-    /// The body on some of its nodes, which lie at `points` (of all nodes here); `moves` says which of its components a node
-    /// moves in.
+    /// The body on some of its nodes, at `points` (of all nodes here); `moves` tells in which of its components a node
+    /// moves.
     pub fn body<const D: usize>(
         &self,
         nodes: Vec<u32>,
@@ -53,7 +54,7 @@ impl Motions {
         let frame = self.frame();
         let mode = |motion: &Vec<f64>| -> Vec<[f64; D]> {
             let at_node = |&node: &u32| {
-                // As many as there are in space; those of the plane are the first three.
+                // As many as in space; those of the plane are the first three.
                 let rows = frame.motions::<6>(&points[node as usize]);
                 std::array::from_fn(|c| match moves(node, c) {
                     true => {
@@ -79,7 +80,7 @@ fn left_among<const D: usize, const M: usize>(
     held: &[([f64; D], [f64; D])],
 ) -> Option<Motions> {
     let frame = Frame::of_box(points, |edges| 0.5 * length(&edges));
-    // A basis of the rows so far: as many rows as there are motions say what all of them do.
+    // A basis of the rows so far: as many rows as there are motions define all of them.
     let mut basis: Vec<[f64; M]> = Vec::new();
     let mut left = Mat::from_fn(M, M, |a, b| f64::from(u8::from(a == b)));
     let mut free = M;
@@ -129,7 +130,7 @@ fn left_among<const D: usize, const M: usize>(
 }
 
 impl<const D: usize> FloatingBody<D> {
-    /// How it can move, where all its nodes are here.
+    /// Its possible motions, if all its nodes are here.
     pub(crate) fn how(&self) -> Motions {
         Motions {
             centre: self.frame.centre.to_vec(),
@@ -141,7 +142,7 @@ impl<const D: usize> FloatingBody<D> {
 }
 
 impl<const D: usize> FloatingBodies<D> {
-    /// What these ranks have of bodies.
+    /// The bodies of these ranks.
     pub(crate) fn of_ranks(bodies: Vec<FloatingBody<D>>, ranks: &Ranks) -> Self {
         debug_assert!(
             bodies

@@ -1,4 +1,4 @@
-//! Which nodes are strongly connected, and their grouping into aggregates.
+//! Strongly connected nodes, and their grouping into aggregates.
 
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
@@ -7,8 +7,8 @@ use std::cmp::Reverse;
 /// Marks a node without aggregate.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Disjoint groups of nodes. Aggregates are such, each of which becomes one node of the coarser level, and the patches
-/// of the smoother.
+/// Disjoint groups of nodes: aggregates, each of which becomes one node of the coarser level, and the patches of the
+/// smoother.
 #[derive(Clone, Debug)]
 pub(super) struct Groups {
     /// The group of each node, or [`NONE`].
@@ -94,7 +94,7 @@ impl Graph {
         })
     }
 
-    /// The strongest tie of each node, 0 where there is none.
+    /// The strongest tie of each node, 0 without any.
     pub fn strongest(&self) -> Vec<f32> {
         (0..self.len())
             .map(|i| self.of(i).iter().map(|&(_, tie)| tie).fold(0.0, f32::max))
@@ -102,15 +102,15 @@ impl Graph {
     }
 }
 
-/// A block that is positive to more than this part of its norm is no bond (see [`ties`]).
+/// A block that is positive to more than this part of its norm is not a bond (see [`ties`]).
 const POSITIVE_PART: f64 = 0.5;
 
-/// How strongly nodes are tied.
+/// The strength of ties between nodes.
 ///
-/// A block is measured as Sᵢⱼ = Dᵢ^−½ Aᵢⱼ Dⱼ^−½ with D the scalar diagonal, so that neither the materials
-/// nor the unit of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is none:
-/// those stand between nodes that do *not* hold each other, such as the far nodes of a flat bilinear
-/// element, and aggregates across them would represent no smooth error.
+/// A block is measured as Sᵢⱼ = Dᵢ^−½ Aᵢⱼ Dⱼ^−½ with D the scalar diagonal, so that neither the materials nor the unit
+/// of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is not a tie: such blocks
+/// couple nodes that do *not* hold each other, such as the far nodes of a flat bilinear element, and aggregates across
+/// them would represent no smooth error.
 pub(super) fn ties<const B: usize>(a: &BlockCsr<B>) -> Graph {
     let weight: Vec<f64> = (a.diagonal().into_par_iter())
         .with_min_len(ROWS_PER_TASK)
@@ -138,22 +138,22 @@ pub(super) fn ties<const B: usize>(a: &BlockCsr<B>) -> Graph {
     })
 }
 
-/// Which ties are strong, and what else the rows of P follow.
+/// The strong ties, and the other neighbours that the rows of P follow.
 pub(super) struct Strength {
     /// The ties that exceed θ times the geometric mean of the strongest of either node.
     pub strong: Graph,
-    /// Those, and the ones that pull at a node with more than [`PULL`] of the most that does.
+    /// The strong ones, and those that pull at a node with more than [`PULL`] of the strongest pull.
     pub pulling: Graph,
 }
 
 /// A soft node follows a stiff neighbour, although that tie means little to the stiff one. On a checkerboard of moduli 1
-/// and 1e-4 in the plane PCG takes 31 iterations, 43 if only ties count that pull with 0.4 of the most; below 0.1 the
+/// and 1e-4 in the plane PCG takes 31 iterations, 43 if only ties with 0.4 of the strongest pull count; below 0.1 the
 /// number does not matter.
 const PULL: f32 = 0.05;
 
 /// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node. Where the points of the nodes are
 /// known, strong and pulling ties are shorter than `reach` times the geometric mean of the shortest strong one of either
-/// node: of elements that are stretched in two directions, the ties along the diagonals are not weak, but long.
+/// node: in elements that are stretched in two directions, the ties along the diagonals are not weak, but long.
 pub(super) fn strength<const D: usize>(
     ties: &Graph,
     weight: &[f32],
@@ -235,13 +235,13 @@ fn with_second_neighbours(ties: &Graph, graph: &Graph) -> Graph {
     })
 }
 
-/// Aggregates of fewer nodes join another one: they have not all rigid motions, and no stiffness of their own.
+/// Aggregates of fewer nodes join another one: they have not all rigid-body motions, and no stiffness.
 const LEAST_NODES: u32 = 3;
 
-/// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are
-/// all free founds an aggregate with them; a node left over joins the aggregate it is tied to most
-/// strongly; what is still left is grouped with its free neighbours. Nodes of `alone` get no aggregate. In the first
-/// pass nodes take turns by their number or, `busiest_first`, by that of their strong neighbours.
+/// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are all free founds
+/// an aggregate with them; a node left over joins the aggregate it is tied to most strongly; the remaining nodes are
+/// grouped with their free neighbours. Nodes of `alone` get no aggregate. The order of nodes in the first pass is their
+/// number or, `busiest_first`, the number of their strong neighbours.
 ///
 /// Then aggregates of fewer than [`LEAST_NODES`] nodes join the one to which they have the strongest of all `ties`.
 pub(super) fn aggregate(
@@ -310,7 +310,7 @@ fn join_small(ties: &Graph, mut groups: Groups) -> Groups {
         .windows(2)
         .map(|ends| (ends[1] - ends[0]) as u32)
         .collect();
-    // What a group has become a part of, itself at first; the last of the chain counts.
+    // The group that a group has joined, itself at first; the last of the chain counts.
     let mut part_of: Vec<u32> = (0..groups.count as u32).collect();
     let last = |part_of: &[u32], mut group: u32| {
         while part_of[group as usize] != group {

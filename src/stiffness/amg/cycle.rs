@@ -76,12 +76,12 @@ impl<B: Backend> Multigrid<B> {
         })
     }
 
-    /// Makes room where other values are to come: there is no cycle before [`Multigrid::rebuild`].
+    /// Makes room for other values: there is no cycle before [`Multigrid::rebuild`].
     pub(crate) fn clear(&mut self) {
         self.levels.clear();
     }
 
-    /// Takes the values that another K gives, as [`Hierarchy::rebuild`] makes them. After an error there is no cycle.
+    /// Takes the values of another K from [`Hierarchy::rebuild`]. After an error there is no cycle.
     pub(crate) fn rebuild<const D: usize, E: From<AmgError> + From<BackendError>>(
         &mut self,
         backend: &mut B,
@@ -121,7 +121,7 @@ impl<B: Backend> Multigrid<B> {
     }
 }
 
-/// The levels and what is done on the coarsest, on the backend.
+/// The levels and the solver on the coarsest, on the backend.
 fn there<B: Backend>(
     backend: &mut B,
     levels: Vec<Level<B::Stored>>,
@@ -243,7 +243,7 @@ fn smooth<B: Backend>(
                 backend.smooth(state, a, inverse, step, b, x, d, x_next);
                 std::mem::swap(x, x_next);
             }
-            // A patch needs the residual of all its nodes: it stands in `x_next`.
+            // A patch needs the residual of all its nodes, which is in `x_next`.
             InverseThere::Patches(patches) => {
                 backend.level_multiply(state, a, Product::Residual, b, x, x_next);
                 let [c1, c2] = step;

@@ -1,4 +1,4 @@
-//! The inverse of what the smoother takes for A: blocks of nodes, or of patches of a few nodes that hold each other.
+//! The approximate inverse of A in the smoother: blocks of nodes, or of patches of a few nodes that hold each other.
 
 use super::aggregation::{Graph, Groups, NONE, ROW};
 use super::coarse::SHIFT;
@@ -14,7 +14,7 @@ const PART_OF_STRONGEST: f32 = 0.5;
 /// Nodes are in patches if no more than [`ROW`] or this part of their ties are that strong. With all nodes in patches
 /// uniform hexahedra took 11 iterations of 6.4 times the bytes of K, as many of 5.7 without.
 const PART_OF_TIES: f32 = 1.0 / 3.0;
-/// There are patches on a level if at least this part of its nodes is in one: they take passes of their own.
+/// A level has patches if at least this part of its nodes is in one: they take extra passes.
 const PART_OF_NODES: f64 = 0.1;
 
 /// Disjoint patches of at most [`MOST_NODES`] nodes that hold each other much more than others, grown one after the
@@ -74,7 +74,7 @@ pub(super) fn patches(ties: &Graph, strong: &Graph) -> Option<Groups> {
 }
 
 /// The inverses of the diagonal blocks of the patches, as a matrix. The nodes of a patch whose block is not positive
-/// definite keep those of their own.
+/// definite keep their own.
 pub(super) fn inverse<const B: usize>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],

@@ -54,9 +54,9 @@ impl<const R: usize, const C: usize> Rows<R, C> {
         (&self.cols[range.clone()], &self.values[range])
     }
 
-    /// Appends the row Σ block · (row of blocks) over the terms (Gustavson 1978): its columns are
-    /// gathered and sorted first, then the blocks are added in place. `place` has an entry for every
-    /// block column; what it holds does not matter.
+    /// Appends the row Σ block · (row of blocks) over the terms (Gustavson 1978): its columns are gathered and sorted
+    /// first, then the blocks are added in place. `place` has an entry for every block column; its contents do not
+    /// matter.
     #[inline(always)]
     fn push<'a, const K: usize>(
         &mut self,
@@ -100,7 +100,7 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
     const MISSING: u32 = u32::MAX;
     let n = r.n_block_rows();
     let runs = runs(r, p);
-    // Places of columns, and where the rows of A P stand in the buffer.
+    // Positions of columns, and of the rows of A P in the buffer.
     let scratch = || (vec![0; n], vec![MISSING; a.n_block_rows()], Rows::new());
     let parts: Vec<Rows<M, M>> = (runs.par_iter())
         .map_init(scratch, |(place, buffered, ap), run| {
@@ -138,7 +138,7 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
     }
     let mut cols = vec![0; row_ptr[n]];
     let mut values = vec![[[0.0; M]; M]; row_ptr[n]];
-    // A part is freed as soon as it is copied.
+    // A part is freed once it is copied.
     for (run, part) in runs.iter().zip(parts) {
         for (k, &i) in run.iter().enumerate() {
             let range = row_ptr[i as usize]..row_ptr[i as usize + 1];
@@ -179,7 +179,7 @@ fn runs<const B: usize, const M: usize>(r: &BlockCsr<M, B>, p: &BlockCsr<B, M>) 
             }
             next += 1;
         }
-        // Those at its rim are left to other runs.
+        // Those at its rim belong to other runs.
         for j in run.drain(next..) {
             taken[j as usize] = false;
         }

@@ -32,8 +32,8 @@ pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
         .collect()
 }
 
-/// Which components are tied to nothing: their row has no entry off the diagonal. Of a node that is tied
-/// to no other node all components count, since the inverse of its block is all it needs.
+/// The components that are tied to nothing: their row has no entry off the diagonal. For a node that is tied to no
+/// other node all components count, because the inverse of its block solves it.
 fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
     (0..a.n_block_rows())
         .into_par_iter()
@@ -57,8 +57,8 @@ fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
         .collect()
 }
 
-/// Takes out of the modes what supports hold: the components that [`decoupled`] finds, which are returned, and at the nodes of a
-/// finest level directions other than the axes that no other node is tied to.
+/// Removes held directions from the modes: the components that [`decoupled`] finds, which are returned, and at the nodes of a
+/// finest level directions other than the axes that are tied to no other node.
 pub(super) fn take_out_held<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     modes: &mut [Modes<B, M>],
@@ -86,8 +86,8 @@ pub(super) fn take_out_held<const B: usize, const M: usize>(
     decoupled
 }
 
-/// Orthonormal directions at node i along which its row ties it to no other node; none where all are such, or where
-/// they are along the axes and nowhere else.
+/// Orthonormal directions at node i along which its row ties it to no other node; none if all directions are such, or
+/// if they are along the axes and nowhere else.
 fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
     let (cols, blocks) = a.row(i);
     let others = || (cols.iter().zip(blocks)).filter(|&(&j, _)| j as usize != i);
@@ -101,7 +101,7 @@ fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
         }
     }
     let size: f64 = (0..B).map(|c| square[c][c]).sum();
-    // Zero rows are what `decoupled` sees.
+    // `decoupled` handles zero rows.
     if !(size > 0.0) || (0..B).any(|c| square[c][c] == 0.0) {
         return Vec::new();
     }
@@ -109,7 +109,7 @@ fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
         let tied = (0..B).map(|p| (0..B).map(|q| n[q] * square[q][p]).sum::<f64>().powi(2));
         tied.sum::<f64>().sqrt() <= tolerance * size
     };
-    // Gram–Schmidt on the rows of the square spans what is tied; what is left of the axes is not.
+    // Gram–Schmidt on the rows of the square spans the tied directions; the rest of the axes is free of ties.
     let mut basis: Vec<[f64; B]> = Vec::with_capacity(B);
     let mut rows = square;
     while let Some((length, row)) = (rows.iter())
@@ -138,7 +138,7 @@ fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
     held.into_iter().filter(|n| small(n, 1e-14)).collect()
 }
 
-/// Takes the part along a unit vector out of another one.
+/// Removes the part along a unit vector from another one.
 fn remove<const B: usize>(v: &mut [f64; B], unit: &[f64; B]) {
     let part: f64 = v.iter().zip(unit).map(|(a, b)| a * b).sum();
     v.iter_mut().zip(unit).for_each(|(v, u)| *v -= part * u);
@@ -151,8 +151,8 @@ pub(super) struct Tentative<const B: usize, const M: usize> {
     /// The modes on the coarse level: Qᵢ · coarse[I] are the modes of node i. A zero row means that the
     /// coarse unknown does not exist (its column of Q is zero).
     pub coarse: Vec<Modes<M, M>>,
-    /// What Q is made with: the modes of node i times `factors[I]` are Qᵢ. Of another node they are what it does where it
-    /// moves rigidly with aggregate I.
+    /// The factors of Q: the modes of node i times `factors[I]` are Qᵢ. For another node they give its rigid motion with
+    /// aggregate I.
     pub factors: Vec<Modes<M, M>>,
 }
 
@@ -222,7 +222,7 @@ pub(super) fn tentative<const B: usize, const M: usize>(
     Tentative { q, coarse, factors }
 }
 
-/// The places of the blocks that the prolongation may have.
+/// The possible positions of blocks in the prolongation.
 #[derive(Debug)]
 pub(super) struct Pattern {
     row_ptr: Vec<usize>,
@@ -258,11 +258,11 @@ impl Pattern {
 /// P = (I − ω₂ D⁻¹A) (I − ω₁ D⁻¹A) Q for the ω given, each step held to the aggregates of a node and of its neighbours
 /// in a graph.
 ///
-/// What a step would put elsewhere in the row of a node of aggregate I is taken as if it moved rigidly with I: an
-/// aggregate J there has the rigid motions R_J (its coarse unknowns), and T_I (the factor of I) makes rigid motions of
-/// the coarse unknowns of I, so that a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that
-/// way, where leaving the block out would cost them (Σ_J V_J R_J is what the row does to them). With all neighbours
-/// strong a first step is that of ordinary smoothed aggregation.
+/// The part that a step would put elsewhere in the row of a node of aggregate I moves rigidly with I: an aggregate J
+/// there has the rigid motions R_J (its coarse unknowns), and T_I (the factor of I) makes rigid motions of the coarse
+/// unknowns of I, so that a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that way, where
+/// leaving the block out would cost them (Σ_J V_J R_J is the effect of the row on them). With all neighbours strong a
+/// first step is that of ordinary smoothed aggregation.
 pub(super) fn smoothed<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],
@@ -328,7 +328,7 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
         before: impl Fn(usize) -> (&'a [u32], &'a [Modes<B, M>]) + Sync,
     ) -> Vec<Modes<B, M>> {
         let n = self.a.n_block_rows();
-        // What the rows do to the rigid motions.
+        // The effect of the rows on the rigid-body motions.
         let mut motions = vec![[[0.0; M]; B]; n];
         motions
             .par_iter_mut()
@@ -382,7 +382,7 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
         for (&j, block) in a_cols.iter().zip(a_blocks) {
             let (cols, blocks) = before(j as usize);
             for (&aggregate, other) in cols.iter().zip(blocks) {
-                // A row meets few aggregates: looking through them beats any table.
+                // A row meets few aggregates: searching them is faster than any table.
                 if let Some(place) = place(aggregate) {
                     add_product(block, other, &mut row[place]);
                 }

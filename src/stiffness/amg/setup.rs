@@ -1,4 +1,4 @@
-//! How the hierarchy is made, level by level.
+//! The construction of the hierarchy, level by level.
 
 use super::aggregation::{Groups, NONE, Strength, aggregate, strength, ties, weights};
 use super::patches;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// The smoother of degree 2 reduces the error up to about 1.1 times the end of its interval, so that the
 /// cycle stays positive definite where this factor is not enough.
 const RADIUS_MARGIN: f64 = 1.1;
-/// A level that has fewer unknowns by less than this factor is not worth having.
+/// A level whose number of unknowns is smaller by less than this factor is not worth having.
 const LEAST_REDUCTION: f64 = 1.5;
 /// A coarse unknown with less than this part of the stiffness under it moves freely.
 const FREE_LIMIT: f64 = 1e-13;
@@ -25,7 +25,7 @@ const COARSE_DEGREE: usize = 16;
 /// Its α.
 const COARSE_ALPHA: f64 = 300.0;
 
-/// What stays of a hierarchy where K gets other values.
+/// The parts of a hierarchy that stay when K gets other values.
 #[derive(Clone, Debug)]
 pub(super) struct Skeleton {
     settings: AmgSettings,
@@ -37,12 +37,12 @@ pub(super) struct Skeleton {
     shapes: Vec<Arc<Shape>>,
 }
 
-/// What is found out about the matrix of a level.
+/// The analysis of the matrix of a level.
 #[derive(Debug)]
 enum Shape {
     /// It is inverted.
     Inverse,
-    /// It is smoothed, on patches where they pay, and is the last one where it has no aggregates.
+    /// It is smoothed, on patches where they pay, and is the last one if it has no aggregates.
     Smoothed {
         patches: Option<Groups>,
         coarser: Option<(Groups, Pattern)>,
@@ -52,7 +52,7 @@ enum Shape {
 impl Skeleton {
     /// Without shapes, which the first hierarchy finds.
     pub fn new<const D: usize>(k: &BlockCsr<D>, settings: &AmgSettings) -> Self {
-        // Unknowns of which an inverse has as many entries as it may.
+        // The most unknowns whose inverse is within the limit of entries.
         let entries = (D * D * k.n_blocks()) as f64;
         let most = (settings.dense_part * entries).sqrt() as usize;
         Self {
@@ -113,18 +113,18 @@ impl Skeleton {
     }
 }
 
-/// A hierarchy on its way from level to level.
+/// A hierarchy under construction, level by level.
 struct Making {
     skeleton: Skeleton,
     scale: f64,
     /// θ of the first level and of those below.
     theta: [f64; 2],
-    /// Whose shape is asked for next.
+    /// The level whose shape is needed next.
     level: usize,
 }
 
 impl Making {
-    /// The shape of the next level, found now if it is not known.
+    /// The shape of the next level, determined now if it is unknown.
     fn shape(&mut self, find: impl FnOnce(&AmgSettings, f64) -> Shape) -> Arc<Shape> {
         let Skeleton {
             shapes, settings, ..
@@ -137,7 +137,7 @@ impl Making {
         Arc::clone(&shapes[self.level - 1])
     }
 
-    /// Whether the matrix of the next level is inverted before anything else is found out about it.
+    /// Whether the matrix of the next level is inverted before any other analysis.
     fn inverts(&self, n: usize) -> bool {
         match self.skeleton.shapes.get(self.level) {
             Some(shape) => matches!(**shape, Shape::Inverse),
@@ -147,7 +147,7 @@ impl Making {
 }
 
 impl Shape {
-    /// Of a matrix with these components that nothing is tied to.
+    /// For a matrix with these unconnected components.
     fn find<const B: usize, const M: usize, const D: usize>(
         a: &BlockCsr<B>,
         decoupled: &[[bool; B]],
@@ -178,7 +178,7 @@ impl Shape {
     }
 }
 
-/// The levels of the corners and all below them, then that of K, as [`coarsen`] has them.
+/// The levels of the corners and all below them, then that of K, in the form of [`coarsen`].
 fn to_vertices<const D: usize, const M: usize, S: Real>(
     k: &BlockCsr<D>,
     vertices: &Vertices<D>,
@@ -215,7 +215,7 @@ fn to_vertices<const D: usize, const M: usize, S: Real>(
     Ok((levels, coarse))
 }
 
-/// The steps of a smoother where the eigenvalues of D⁻¹A reach that far.
+/// The steps of a smoother for this upper end of the eigenvalues of D⁻¹A.
 fn steps<S: Real>(degree: usize, alpha: f64, radius: f64) -> Vec<[S; 2]> {
     smoother::chebyshev(degree, radius / alpha, radius)
         .into_iter()
@@ -223,8 +223,8 @@ fn steps<S: Real>(degree: usize, alpha: f64, radius: f64) -> Vec<[S; 2]> {
         .collect()
 }
 
-/// How far the eigenvalues of D⁻¹A reach. Written so that NaN is refused. An indefinite K may show here, and singular ones on
-/// the coarsest level.
+/// The upper end of the eigenvalues of D⁻¹A. Written so that NaN is refused. An indefinite K may be detected here, and
+/// singular ones on the coarsest level.
 fn radius<const B: usize, S: Real>(
     stored: &BlockMatrix<S>,
     inverse: &Inverse<S>,
@@ -283,8 +283,8 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
         return Err(AmgError::Singular);
     }
     hold_missing(&mut matrix, &tentative.coarse, 1.0 / scale);
-    // What is not needed any more goes before more is stored, and A is stored last: memory is short while the coarser
-    // levels are made.
+    // Data that is no longer needed is dropped before more is stored, and A is stored last: memory is short while the
+    // coarser levels are made.
     let prolongation = BlockMatrix::new(&p, 1.0);
     drop(p);
     let restriction = BlockMatrix::new(&r, 1.0);
@@ -292,7 +292,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     drop((modes, tentative.q, inverse_diagonal));
     let points = points.map(|points| centres(points, aggregates));
     let (mut levels, last) = coarsen(&matrix, tentative.coarse, points.as_deref(), making)
-        // Only the blocks of K can be named to the user.
+        // Users know only the blocks of K.
         .map_err(|_| AmgError::Singular)?;
     drop(matrix);
     levels.push(Level {
@@ -303,7 +303,7 @@ fn coarsen<const B: usize, const M: usize, const D: usize, S: Real>(
     Ok((levels, last))
 }
 
-/// D⁻¹ of the smoother, and how far the eigenvalues of D⁻¹A reach: with that D, and with the blocks of the nodes.
+/// D⁻¹ of the smoother, and the upper end of the eigenvalues of D⁻¹A: with that D, and with the blocks of the nodes.
 struct Smoothing<S> {
     inverse: Inverse<S>,
     radius: f64,
@@ -373,8 +373,8 @@ fn has_free_modes<const B: usize, const M: usize>(
     })
 }
 
-/// Gives coarse unknowns that do not exist (a zero row in their modes) a diagonal entry of their own, so
-/// that the coarse matrix is not singular.
+/// Gives missing coarse unknowns (zero rows in their modes) a decoupled diagonal entry, so that the coarse matrix is
+/// not singular.
 fn hold_missing<const M: usize>(a: &mut BlockCsr<M>, modes: &[Modes<M, M>], value: f64) {
     for (i, mode) in modes.iter().enumerate() {
         for c in 0..M {

@@ -9,8 +9,7 @@ use rayon::prelude::*;
 /// Steps of the estimate of the spectral radius.
 const LANCZOS_STEPS: usize = 10;
 
-/// The inverses of the diagonal blocks; the number of the first that is not positive definite, if one
-/// is not.
+/// The inverses of the diagonal blocks; or the number of the first one that is not positive definite.
 pub(crate) fn inverse_diagonal<const B: usize>(
     a: &BlockCsr<B>,
 ) -> Result<Vec<[[f64; B]; B]>, usize> {
@@ -27,8 +26,8 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .collect()
 }
 
-/// Puts its inverse in the place of a symmetric positive definite matrix of n rows by Gauss–Jordan elimination; false if
-/// a pivot is not positive beyond rounding.
+/// Replaces a symmetric positive definite matrix of n rows by its inverse, by Gauss–Jordan elimination; false if a pivot
+/// is not positive beyond rounding.
 #[inline(always)]
 pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
     let least: Vec<f64> = (0..n).map(|k| 4.0 * f64::EPSILON * a[k * n + k]).collect();
@@ -56,10 +55,10 @@ pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
     true
 }
 
-/// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate
-/// gradients preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
+/// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate gradients
+/// preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
 ///
-/// A and D⁻¹ are taken as they are stored: two digits of the result are enough.
+/// A and D⁻¹ are used in their stored precision: two digits of the result suffice.
 pub(super) fn spectral_radius<const B: usize, S: Real>(
     a: &BlockMatrix<S>,
     inverse: &Inverse<S>,
@@ -143,7 +142,7 @@ fn inner<const B: usize, S: Real>(x: &[S; B], y: &[S; B]) -> f64 {
     (0..B).map(|c| x[c].to_f64() * y[c].to_f64()).sum()
 }
 
-/// The sum of what parallel tasks give, in the order of the tasks.
+/// The sum of the results of parallel tasks, in the order of the tasks.
 fn ordered_sum(parts: impl IndexedParallelIterator<Item = f64>) -> f64 {
     parts.collect::<Vec<f64>>().into_iter().sum()
 }

@@ -545,7 +545,7 @@ fn check_symmetric_definite<const D: usize, S: Real>(
             difference < tolerance * (xmx * ymy).sqrt(),
             "{difference:e}"
         );
-        // Vectors that K leaves small: those that M x is made of least.
+        // Vectors that K makes small: those that M x contains least of.
         k.mul(&x, &mut mx);
         cycle.apply(&mx.clone(), &mut my);
         assert!(dot(&mx, &my) > 0.0);
@@ -610,7 +610,7 @@ fn springs(n: usize, between: &[(usize, usize)], ground: &[usize]) -> BlockCsr<2
 
 #[test]
 fn odd_problems_are_solved() {
-    // Nodes along a line, moving along it or across it, in one piece, in pieces of two, each alone.
+    // Nodes along a line, moving along it or across it, in one piece, in pieces of two, and single.
     let n = 6000;
     let line: Vec<(usize, usize)> = (0..n - 2).map(|i| (i, i + 2)).collect();
     let pieces: Vec<(usize, usize)> = (0..n / 4)
@@ -668,7 +668,7 @@ fn a_stalled_hierarchy_ends_with_smoothing() {
 }
 
 #[test]
-fn what_cannot_be_solved_is_refused() {
+fn unsolvable_cases_are_refused() {
     let refused = |k: &BlockCsr<2>, points: Option<&[[f64; 2]]>| {
         Hierarchy::<f32>::new(k, points, &AmgSettings::default()).map(|m| m.to_string())
     };
@@ -712,7 +712,7 @@ fn what_cannot_be_solved_is_refused() {
             "{cells:?}"
         );
     }
-    // Positive definite blocks, but a coupling that is too strong for a matrix that is.
+    // Positive definite blocks, but a coupling that is too strong for a definite matrix.
     let chain = (0..3998).flat_map(|i| [(i, i + 2, -0.9), (i + 2, i, -0.9)]);
     let diagonal = (0..4000).map(|i| (i, i, 1.0));
     let indefinite = BlockCsr::from_triplets(4000, 4000, chain.chain(diagonal));
@@ -800,7 +800,7 @@ fn times() {
 }
 
 /// With the values of its own K a hierarchy is the same to the last bit; with those of another one, on the aggregates of the first,
-/// it takes as many iterations as one made for it, up to one, or three where the ties of nodes have become quite different ones.
+/// it takes as many iterations as one made for it, up to one, or three where the ties of nodes have changed completely.
 #[test]
 fn a_rebuilt_hierarchy_is_as_good() {
     fn check<const D: usize>(

@@ -16,7 +16,7 @@ fn plan(problem: &ContactProblem<3>, with_coordinates: bool) -> Plan {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Without coordinates there is minimum degree alone.
+/// Without coordinates only minimum degree is possible.
 #[test]
 fn dissection_saves_work_in_space() {
     for (q, shape, part) in [
@@ -45,8 +45,8 @@ fn threads_make_the_same_factor() {
     assert!(bits(&one) == bits(&more));
 }
 
-/// K with every stored value times a factor of its place, symmetric and definite as before: a block that ties nodes i and j, both
-/// away from what is held, gets Q(i) K Q(j) with diagonal Q.
+/// K with every stored value times a factor of its position, symmetric and definite as before: a block that couples nodes i and
+/// j, both away from held ones, gets Q(i) K Q(j) with diagonal Q.
 fn stretched<const D: usize>(k: &BlockCsr<D>) -> BlockCsr<D> {
     let q = |i: usize| 1.0 + 0.3 * ((i * 7) % 5) as f64;
     BlockCsr::from_triplets(
@@ -56,7 +56,7 @@ fn stretched<const D: usize>(k: &BlockCsr<D>) -> BlockCsr<D> {
     )
 }
 
-/// What a factor made in the order of another K gives is what its own would: in the plane, and in space with and without trailing
+/// A factor made in the order of another K gives the same result as its own: in the plane, and in space with and without trailing
 /// blocks.
 #[test]
 fn another_k_in_the_same_order() {
@@ -127,9 +127,9 @@ fn another_pattern_is_refused() {
     let error = factor
         .refactor(&springs(6, &far))
         .map_err(|e| e.to_string());
-    assert!(error.is_err_and(|why| why.contains("unknown 6 to unknown 1")));
+    assert!(error.is_err_and(|why| why.contains("unknowns 6 and 1")));
     assert_eq!(factor.values, before);
-    // Rounding is no entry.
+    // A value within rounding is not an entry.
     let diagonal = (0..6).map(|i| (i, i, 4.0));
     let ties = (chain.iter()).flat_map(|&(i, j)| [(i, j, -1.0), (j, i, -1.0)]);
     let rounding = [(0, 5, 1e-16), (5, 0, 1e-16)];
@@ -142,7 +142,7 @@ fn another_pattern_is_refused() {
     let tied = [&chain[..], &[(2, 5)]].concat();
     let refused = made(&[2, 5]).refactor(&springs(6, &tied));
     assert!(matches!(refused, Err(FactorError::OtherPattern { .. })));
-    // Less is no other pattern.
+    // Fewer entries are not another pattern.
     let mut factor = made(&[2]);
     factor
         .refactor(&springs(6, &chain[1..]))

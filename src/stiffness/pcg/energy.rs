@@ -1,23 +1,23 @@
-//! How the energy error falls from iteration to iteration: what accuracy in energy is a matter of.
+//! The decrease of the energy error from iteration to iteration, for accuracy in energy.
 
 use super::UNREACHABLE;
 use crate::backend::{Progress, Run};
 use crate::control::{Accuracy, Correction};
 
-/// By what factor α rᵀz falls in an iteration of multigrid, before the first run has told, and the range in
-/// which it is believed.
+/// The factor by which α rᵀz falls in an iteration of multigrid, before the first run has measured it, and the range of
+/// credible values.
 const FALL: f64 = 0.25;
 const FALLS: (f64, f64) = (0.02, 0.98);
 
 /// How α rᵀz falls under a preconditioner.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Falls {
-    /// By what factor in an iteration.
+    /// The factor per iteration.
     fall: f64,
     /// The preconditioner knows all smooth errors.
     fast: bool,
-    /// Runs tell how fast later ones will be: not with block-Jacobi, where the first terms may fall as fast as they like and what
-    /// comes later is slow.
+    /// Whether runs predict the speed of later ones: not with block-Jacobi, where the first terms may fall quickly and later ones
+    /// slowly.
     learns: bool,
 }
 
@@ -56,11 +56,11 @@ impl Falls {
         let fall = (progress.recent / progress.energy)
             .powf(1.0 / between as f64)
             .clamp(FALLS.0, FALLS.1);
-        // It may slow down at once, but one good run is not believed.
+        // It may slow down at once, but a single fast run does not count.
         self.fall = fall.max(0.5 * (self.fall + fall));
     }
 
-    /// The run that solves a system to an accuracy, where energies are `unit` times what they are in the run.
+    /// The run that solves a system to an accuracy, where energies are `unit` times those of the run.
     pub fn run_to(&self, accuracy: Accuracy, unit: f64) -> Run {
         match accuracy {
             Accuracy::Residual(tolerance) => Run {
@@ -77,7 +77,7 @@ impl Falls {
         }
     }
 
-    /// What a run has changed of x and has left, where energies are `unit` times what they are in the run.
+    /// The change of x by a run and the remaining error, where energies are `unit` times those of the run.
     pub fn followed(&self, progress: &Progress, unit: f64) -> Correction {
         let to_come = if progress.recent_terms > 1 {
             1.0

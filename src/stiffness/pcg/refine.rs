@@ -5,12 +5,12 @@ use crate::backend::Backend;
 use crate::control::{Accuracy, Correction, Stop};
 use crate::sparse::norm;
 
-/// A correction in f32 is asked to reduce the residual by this factor at most: beyond it the recurrence
-/// drifts away from the true residual.
+/// The largest factor by which a correction in f32 should reduce the residual: beyond it the recurrence drifts away
+/// from the true residual.
 const CORRECTION: f64 = 1e-4;
-/// And by this factor at least, however little the one before has achieved.
+/// The smallest such factor, however little the correction before has achieved.
 const LEAST_CORRECTION: f64 = 0.05;
-/// A relative residual in f64 below which a lack of progress is one of rounding.
+/// A relative residual in f64 below which a lack of progress is due to rounding.
 const AT_ROUNDING: f64 = 1e-8;
 /// Corrections that must not fail to halve the residual.
 const MAX_CORRECTIONS: usize = 60;
@@ -18,9 +18,9 @@ const MAX_CORRECTIONS: usize = 60;
 pub(super) const ROUNDING: f64 = 0.1;
 
 impl<B: Backend> Pcg<B> {
-    /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of what b is the difference
-    /// of, which residuals are relative to. Where it stalls, x is what it has reached. (One text: a loop of corrections, each
-    /// as accurate as those before have shown that it has to be.)
+    /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of the terms whose difference
+    /// is b, the scale of residuals. If it stalls, x has its result so far. (One function: a loop of corrections, each as
+    /// accurate as the earlier ones show to be necessary.)
     pub(crate) fn refine(
         &mut self,
         b: &[f64],
@@ -38,11 +38,11 @@ impl<B: Backend> Pcg<B> {
         }
         let goal = match accuracy {
             Accuracy::Residual(tolerance) => tolerance * terms,
-            // As far as f64 goes.
+            // As far as f64 allows.
             Accuracy::Energy { .. } => UNREACHABLE * terms,
         };
         let mut asked = CORRECTION;
-        // Of eᵀKe: what all corrections have taken away, what the last one has, what it has left on purpose.
+        // Of eᵀKe: the sum of all corrections, the last correction, and the part left on purpose.
         let (mut energy, mut last, mut truncated) = (0.0, f64::INFINITY, 0.0);
         let mut length = norm(&residual);
         for _ in 0..MAX_CORRECTIONS {
@@ -70,7 +70,7 @@ impl<B: Backend> Pcg<B> {
             let mut advances = true;
             if let Accuracy::Energy { relative, .. } = accuracy {
                 if last.is_finite() {
-                    // What the correction before has left shows now: more than it meant to is rounding.
+                    // The remainder of the correction before is visible now: any excess over its goal is rounding.
                     let rounded = (gained - truncated).max(0.0) / last;
                     self.rounding = rounded.sqrt().clamp(CORRECTION, LEAST_CORRECTION.sqrt());
                 }
@@ -78,8 +78,8 @@ impl<B: Backend> Pcg<B> {
                 truncated = made.remaining.powi(2);
                 let rounded = gained * self.rounding.powi(2);
                 let enough = rounded <= target.max(relative * relative * energy);
-                // Written so that NaN is not enough. Where rounding keeps it from advancing, the caller has
-                // to live with what there is.
+                // Written so that NaN does not suffice. If rounding prevents progress, the caller has to accept the
+                // present accuracy.
                 if gained > 0.0 && (enough || !advances && gained <= last) {
                     return Ok(self.refined(energy, truncated + rounded));
                 }
@@ -95,11 +95,11 @@ impl<B: Backend> Pcg<B> {
             if !advances {
                 break;
             }
-            // On fine meshes rounding K to f32 costs more than the recurrence knows: to ask for more than
-            // the last correction has achieved would be wasted.
+            // On fine meshes rounding K to f32 costs more than the recurrence knows: requesting more than the last
+            // correction has achieved would be wasted.
             asked = (0.5 * achieved).clamp(CORRECTION, LEAST_CORRECTION);
         }
-        // What f64 cannot give is not asked for again: whether it is enough shows in the final check.
+        // Accuracy beyond f64 is not requested again: the final check decides whether it suffices.
         if length <= goal.max(AT_ROUNDING * terms) {
             return Ok(self.refined(energy, 0.0));
         }
@@ -114,7 +114,7 @@ impl<B: Backend> Pcg<B> {
         })
     }
 
-    /// What corrections have changed of eᵀKe and have left of it.
+    /// The change of eᵀKe by corrections and the remainder.
     fn refined(&self, energy: f64, left: f64) -> Correction {
         Correction {
             change: energy.sqrt(),
@@ -123,7 +123,7 @@ impl<B: Backend> Pcg<B> {
         }
     }
 
-    /// A correction in low precision for a residual of norm `length`; what it is worth.
+    /// A correction in low precision for a residual of norm `length`; returns its effect.
     fn correct(
         &mut self,
         residual: &[f64],
@@ -137,8 +137,7 @@ impl<B: Backend> Pcg<B> {
         let run = self.run_to(accuracy, unit);
         let made = match self.run(run, stop, None) {
             Ok(progress) => self.followed(&progress, unit),
-            // In f32 a breakdown may be one of rounding, and so may a lack of progress: the residual in
-            // f64 tells.
+            // In f32 a breakdown may be due to rounding, and so may a lack of progress: the residual in f64 decides.
             Err(PcgError::NotPositiveDefinite | PcgError::Stalled { .. }) => Correction::default(),
             Err(error) => return Err(error),
         };

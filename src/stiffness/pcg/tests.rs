@@ -123,7 +123,7 @@ fn load(n: usize, count: usize, seed: usize) -> Vec<f64> {
         .collect()
 }
 
-/// What was asked for is reached, more or less, where PCG goes over plateaus, in the first run and later.
+/// PCG roughly reaches the requested accuracy over plateaus, in the first run and later.
 #[test]
 fn the_energy_error_is_as_asked_where_pcg_is_slow() {
     let disc = |x: [f64; 2]| (x[0] - 1.5).powi(2) + (x[1] - 0.5).powi(2) < 0.09;
@@ -233,7 +233,7 @@ fn an_ill_conditioned_matrix_is_solved() {
 /// A body without supports, pulled: block-Jacobi does not notice when it is set up, and must not go on for
 /// ever.
 #[test]
-fn a_load_that_nothing_balances_ends_soon() {
+fn an_unbalanced_load_ends_soon() {
     for cells in [[2, 1], [10, 4], [60, 20], [180, 60]] {
         let body = Bodies::new(&[(cells, [3.0, 1.0], 2e11, Held::Free)]);
         let n = body.k.n_rows();
@@ -252,9 +252,9 @@ fn a_load_that_nothing_balances_ends_soon() {
     }
 }
 
-/// A goal that rounding keeps out of reach: the run ends, and what it has reached is there.
+/// A goal that rounding keeps out of reach: the run ends, and its result so far is available.
 #[test]
-fn what_a_stalled_run_has_reached_is_kept() {
+fn a_stalled_run_keeps_its_result() {
     let body = Bodies::new(&[([60, 20], [3.0, 1.0], 2e11, Held::Left)]);
     let n = body.k.n_rows();
     let b = load(n, n, 1);
@@ -273,7 +273,7 @@ fn what_a_stalled_run_has_reached_is_kept() {
     assert!(pcg.counts.iterations < 2000, "{:?}", pcg.counts);
 }
 
-/// What holds a rectangular body.
+/// The supports of a rectangular body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Held {
     Left,
@@ -389,7 +389,7 @@ impl Bodies {
             pcg.solve(&b, &mut x, 1e-8, &Stop::default())
                 .unwrap_or_else(|error| panic!("{error}"));
             most = most.max(pcg.counts.iterations - before);
-            // The ties gather what CG has left unbalanced all over the body.
+            // The ties gather the imbalance that CG has left all over the body.
             let reached = residual(&self.k, &x, &b);
             assert!(reached < 1e-7, "{reached:e}");
         }
@@ -403,7 +403,7 @@ fn bodies_without_supports_are_solved() {
     let (stiff, soft) = (2e11, 2e4);
     let small = [4, 3];
     use Held::*;
-    // The smallest are solved by an inverse alone; of the others, some bodies shrink to one node.
+    // The smallest are solved by an inverse alone; some bodies of the others shrink to one node.
     for cells in [[6, 2], [30, 10], [120, 40]] {
         for parts in [
             vec![(cells, size, stiff, Free)],

@@ -142,7 +142,7 @@ pub fn one_body(random: &mut Random, range: Range) -> Written {
     match held {
         "clamped" => text += &support(&boundary, [Some(0.0); 2], &factors.shear),
         "moved" => {
-            // Pressed on what is opposite, and drawn along it.
+            // Pressed on the opposite side, and drawn along it.
             let down = -stuff.strain * h * random.between(0.0, 1.5);
             let along = stuff.strain * h * random.between(-2.0, 2.0);
             let motion = turn.of([along, down]);
@@ -162,7 +162,7 @@ pub fn one_body(random: &mut Random, range: Range) -> Written {
             text += &support(&boundary, along, &factors.shear);
         }
         "pinned" => {
-            // The middle of an open side, where there may be no node: the nearest is taken.
+            // The middle of an open side, perhaps without a node: the nearest is taken.
             let corner = match side {
                 1 | 2 => [0.5 * w * (1.0 + lean * h / w), h],
                 _ => [-0.5 * w * (1.0 + lean * h / w), h],
@@ -176,7 +176,7 @@ pub fn one_body(random: &mut Random, range: Range) -> Written {
         }
         _ => {}
     }
-    // What presses on the obstacles.
+    // The pressing load on the obstacles.
     let pressed = if place == "walls" && contact[1] {
         pick(random, &[0, 2])
     } else if contact[2] {
@@ -201,7 +201,7 @@ pub fn one_body(random: &mut Random, range: Range) -> Written {
             text += &pressure(sides[pressed], &value, &factors.press);
         }
     }
-    // What shears.
+    // The shearing load.
     if chance(random, 0.8) {
         let side = pick(random, &open);
         let size = p * random.between(-0.8, 0.8) * if side % 2 == 1 { w / h } else { 1.0 };

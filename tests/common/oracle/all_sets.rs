@@ -4,17 +4,17 @@ use super::sums::product;
 use super::{Deviation, Entries, Oracle, largest};
 use signorini::quasistatic::{Load, State};
 
-/// Sets that are tried at most where all of them are, and unknowns.
+/// The most sets for an exhaustive search, and the most unknowns.
 pub const ALL_SETS: usize = 5_000;
 pub const FEW_UNKNOWNS: usize = 300;
-/// Springs that make K regular, relative to it; they hang on the displacement before, so that little is left in
-/// them after this many turns where the bodies are balanced.
+/// Springs that make K regular, relative to it; they start from the displacement before, so that they carry little
+/// after this many passes where the bodies are balanced.
 pub const SPRINGS: f64 = 1e-7;
 pub const TURNS: usize = 20;
-/// What they leave of the conditions, in parts of what an answer of the solver may be off by.
+/// Their violation of the conditions, in parts of the allowed deviation.
 pub const BLURRED: f64 = 10.0;
 
-/// What a contact node does.
+/// The state of a contact node.
 #[derive(Clone, Copy)]
 pub struct Choice {
     pub closed: bool,
@@ -22,8 +22,8 @@ pub struct Choice {
     pub slip: Option<f64>,
 }
 
-/// Whether a step of a small problem has a solution, found by trying all sets one after another; None where there
-/// are too many, or nothing to measure forces by. A solution has to stand the check. In the plane.
+/// Whether a step of a small problem has a solution, found by trying all sets one after another; None if there are too
+/// many, or no scale of forces. A solution has to pass the check. In the plane.
 pub fn has_solution(oracle: &Oracle, load: &Load, start: &State) -> Option<bool> {
     assert_eq!(oracle.tangents, 1, "in the plane");
     let (n, m) = (oracle.n, oracle.m);
@@ -81,7 +81,7 @@ pub fn has_solution(oracle: &Oracle, load: &Load, start: &State) -> Option<bool>
             *c += v * moved;
         }
     }
-    // What the load does without contact, with the springs hanging on `hooks`.
+    // The effect of the load without contact, with the springs on `hooks`.
     let alone = |hooks: &[f64]| -> Vec<f64> {
         let force = load.force.iter().zip(hooks);
         let force: Vec<f64> = force.map(|(f, h)| f / stiffness + SPRINGS * h).collect();
@@ -147,8 +147,8 @@ pub fn has_solution(oracle: &Oracle, load: &Load, start: &State) -> Option<bool>
             if !pulls && deviations.iter().all(solved) {
                 return Some(true);
             }
-            // Without forces left in the springs it is these sets that are wrong; forces that do not grow less carry
-            // what nothing else does.
+            // If the springs are left without forces, these sets are wrong; forces that do not decrease carry a load
+            // that nothing else carries.
             let equilibrium = deviations.iter().filter(|d| d.name == "equilibrium");
             let left = equilibrium.fold(0.0, |left: f64, d| left.max(d.times));
             if left < 1.0 || (turn > 1 && left > 0.8 * springs) {

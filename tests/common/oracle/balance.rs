@@ -13,17 +13,16 @@ use signorini::quasistatic::Load;
 /// The resolution of a balance in the plane, where it is found to rounding …
 pub const BALANCED: f64 = 1e-12;
 
-/// … and in space, where it is what Clarabel finds.
+/// … and in space, the accuracy of Clarabel.
 pub const BALANCED_IN_SPACE: f64 = 1e-7;
 
-/// How far forces within the friction law stay from balancing the loads on the bodies that contact alone holds.
+/// The remaining imbalance of the loads on bodies that only contact holds, with forces within the friction law.
 pub struct Balance {
     /// The least imbalance relative to the loads.
     pub imbalance: f64,
-    /// A motion has been found that the loads drive more than all contact forces together can resist.
+    /// A motion for which the loads do more work than all contact forces together can resist.
     pub proven: bool,
-    /// An imbalance below this part of the loads is none: what it says is rounding. Above 100 times that, no forces
-    /// balance the loads.
+    /// An imbalance below this part of the loads counts as rounding. Above 100 times that, no forces balance the loads.
     pub resolution: f64,
 }
 
@@ -61,14 +60,14 @@ pub fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
             resolution,
         };
     }
-    // Where each unknown stands in the motions.
+    // The position of each unknown in the motions.
     let mut of_unknown: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
     for (row, motion) in motions.iter().enumerate() {
         for &(i, v) in *motion {
             of_unknown[i].push((row, v));
         }
     }
-    // A force that moves nothing but by rounding does nothing.
+    // A force that moves something only by rounding has no effect.
     let most =
         (motions.iter().flat_map(|r| r.iter())).fold(0.0, |most: f64, e| most.max(e.1.abs()));
     let columns = |entries: &Entries, count: usize| {
@@ -101,7 +100,7 @@ pub fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
             resolution,
         };
     }
-    // Each with factors from 0 to a limit; what goes from −g to g is moved by g.
+    // Each with factors from 0 to a limit; a range from −g to g is shifted by g.
     let mut generators: Vec<(Vec<f64>, f64)> = Vec::new();
     for i in 0..m {
         if oracle.mu[i] > 0.0 {
@@ -153,7 +152,7 @@ pub fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
 }
 
 /// The same by a cone program, for columns of G and loads e of length 1 in units of `size`: Clarabel's minimum of t with
-/// ‖e − G λ‖ ≤ t, and whether Clarabel says that it is the least.
+/// ‖e − G λ‖ ≤ t, and whether Clarabel confirms the minimum.
 pub fn least_imbalance_of_cones(
     of: &Oracle,
     normal: &[Vec<f64>],

@@ -12,8 +12,8 @@ pub struct Free {
     pub unknowns: Vec<usize>,
 }
 
-/// The kernel of K among the rigid motions of each part: combinations that no row of K pulls back by more than a
-/// millionth of what it could.
+/// The kernel of K among the rigid-body motions of each part: combinations that no row of K pulls back by more than a
+/// millionth of its possible force.
 pub fn floating_bodies(k: &Entries, n: usize, motions: &[Vec<(usize, f64)>]) -> Vec<Free> {
     const PULLED: f64 = 1e-6;
     let mut rows = vec![0.0; n];

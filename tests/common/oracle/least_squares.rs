@@ -3,8 +3,8 @@
 use super::length;
 use super::sums::Sum;
 
-/// The rest b − A x with 0 ≤ x ≤ limits that is shortest; and the same without what rounding has left of it along the
-/// columns whose factors are inside.
+/// The shortest rest b − A x with 0 ≤ x ≤ limits; and the same without its rounding along the columns whose factors are
+/// inside.
 pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64>, Vec<f64>) {
     #[derive(Clone, Copy, PartialEq)]
     enum Place {
@@ -55,7 +55,7 @@ pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64
             let target = rest_of(&x, &|j| place[j] == Place::Free);
             let chosen: Vec<&[f64]> = free.iter().map(|&j| &columns[j].0[..]).collect();
             let Some(z) = least_squares(&chosen, &target) else {
-                // The last one depends on the others: rounding made it look like a gain.
+                // The last column depends on the others: rounding made it look like a gain.
                 place[best] = was;
                 refused[best] = true;
                 break;

@@ -1,4 +1,4 @@
-//! Case files: what is said of a broken one, and settings on the command line.
+//! Case files: errors of broken ones, and settings on the command line.
 
 use crate::or_panic::OrPanic as _;
 use signorini::case::Case;
@@ -35,7 +35,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "rectangle = { size = [2, 1], cells = [4, 2] }",
             "",
-            "either file or rectangle",
+            "give it file, rectangle or",
         ),
         (
             "size = [2, 1]",
@@ -64,7 +64,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "x = 0\ny = 0",
             "symmetry = true\nx = 0",
-            "symmetry stands alone",
+            "symmetry takes a boundary and nothing else",
         ),
         (
             "y = \"-1e3 * x\"",
@@ -146,7 +146,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "boundary = \"left\"",
             "boundary = \"left\"\nfactors = [1, 2]",
-            "line 10: factors belong to load steps",
+            "line 10: factors apply to load steps",
         ),
         (
             "[[contact]]",
@@ -187,7 +187,7 @@ fn broken_cases_are_explained_with_their_line() {
         (
             "[[contact]]\nboundary = \"bottom\"",
             "[[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n[[contact]]\nboundary = \"bottom\"",
-            "normals are not independent",
+            "normals depend on each other",
         ),
     ];
     let sound = Case::parse(Path::new("case.toml"), SOUND.to_owned(), &[])
@@ -234,7 +234,7 @@ fn settings_replace_and_add() {
         ("solver.tolerence=1", "unknown field"),
         (
             "contact.0.boundary.deep=1",
-            "would lie in something that is no table",
+            "would be inside an entry that is not a table",
         ),
     ] {
         match parse(&[setting]) {

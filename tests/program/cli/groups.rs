@@ -1,4 +1,4 @@
-//! What `check` says of a mesh with elements in several groups and curves between them.
+//! `check` on a mesh with elements in several groups and curves between them.
 
 use crate::run::{directory, signorini_in, text, write};
 
@@ -18,9 +18,9 @@ fn check_lists_groups_and_inner_boundaries() {
     for line in [
         "region        \"steel & all\": area 1.0000e0 m²",
         "group         \"all\": \"steel & all\", \"rubber & all\"",
-        "boundary      \"middle\": 1 edges, 1.0000e0 m; not for contact and traction: its edge from",
+        "boundary      \"middle\": 1 edges, 1.0000e0 m; unusable for contact and traction: its edge from",
         "boundary      \"bottom\": 2 edges, 2.0000e0 m\n",
-        "boundary      \"line\": 0 edges, 0.0000e0 m; not to be used: its edge from",
+        "boundary      \"line\": 0 edges, 0.0000e0 m; unusable: its edge from",
     ] {
         assert!(said.contains(line), "{line}\n{said}");
     }

@@ -41,14 +41,14 @@ fn a_man_page_for_each_command() {
     // Without a directory the main page is printed.
     let printed = signorini(&["man"]);
     assert_eq!(text(&printed.stdout), read(&pages.join("signorini.1")));
-    // A file is no directory.
+    // A file is not a directory.
     let file = pages.join("signorini.1");
     let run = signorini(&["man", &file.to_string_lossy()]);
     assert_eq!(run.status.code(), Some(1));
     assert!(text(&run.stderr).contains("signorini.1: cannot be made"));
 }
 
-/// `signorini completions bash | head -1` and the like: a reader that has gone away is no error.
+/// `signorini completions bash | head -1` and the like: a closed pipe is not an error.
 #[test]
 fn a_broken_pipe_is_no_error() {
     for arguments in [&["completions", "zsh"][..], &["man"]] {

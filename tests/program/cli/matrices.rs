@@ -1,4 +1,4 @@
-//! Matrices of one's own: a case from files, and what is said of broken ones.
+//! Matrices of one's own: a case from files, and errors of broken ones.
 
 use crate::or_panic::OrPanic as _;
 use crate::run::{directory, report, signorini, text, write};
@@ -47,7 +47,7 @@ fn algebraic_case_from_files() {
     let case = algebraic(place.path()).to_string_lossy().into_owned();
     let run = signorini(&["solve", &case]);
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
-    // The default output lies beside the case.
+    // The default output is beside the case.
     let out = place.path().join("springs-out");
     assert_eq!(report(&out)["status"], "converged");
     let vector = |name: &str| {
@@ -66,7 +66,7 @@ fn algebraic_case_from_files() {
     assert!(text(&check.stdout).contains("n = 2, m = 1"));
 }
 
-/// Every claim about the matrices has its own message, and it names the file or the entry.
+/// Every condition on the matrices has its own message, which names the file or the entry.
 #[test]
 fn broken_matrices_are_explained() {
     let array = |entries: &str, size: &str| {
@@ -89,7 +89,7 @@ fn broken_matrices_are_explained() {
         (
             "K.mtx",
             coordinate("1 1 1\n1 2 -1\n2 1 -1\n2 2 1", "2 2 4"),
-            "need coordinates, which tell their rigid motions, or supports",
+            "need supports, or coordinates that define their rigid-body motions",
         ),
         (
             "K.mtx",
@@ -127,17 +127,17 @@ fn broken_matrices_are_explained() {
         (
             "f.mtx",
             array("0\n1e-310", "2 1"),
-            "the load f: entry 2 (the largest one) is 1e-310: what is not 0 has to be between",
+            "the load f: entry 2 (the largest one) is 1e-310: nonzero values must be between",
         ),
         (
             "K.mtx",
             coordinate("1 1 2e-320\n1 2 -1e-320\n2 1 -1e-320\n2 2 1e-320", "2 2 4"),
-            "the stiffness matrix K: entry (1, 1) is 2e-320: what is not 0 has to be between",
+            "the stiffness matrix K: entry (1, 1) is 2e-320: nonzero values must be between",
         ),
         (
             "K.mtx",
             coordinate("1 1 2e200\n1 2 -1e200\n2 1 -1e200\n2 2 1e200", "2 2 4"),
-            "the stiffness matrix K: entry (1, 1) is 2e200: what is not 0 has to be between",
+            "the stiffness matrix K: entry (1, 1) is 2e200: nonzero values must be between",
         ),
         (
             "f.mtx",

@@ -1,4 +1,4 @@
-//! What a run writes, what it leaves alone, and what pictures and hints say.
+//! The files that a run writes and those that it leaves alone, and the contents of pictures and hints.
 
 use super::cases::SOUND;
 use super::matrices::algebraic;
@@ -7,7 +7,7 @@ use crate::run::{directory, names, read, report, signorini, signorini_in, text, 
 use std::path::Path;
 
 #[test]
-fn nothing_of_the_run_before_is_left() {
+fn an_earlier_run_leaves_nothing() {
     let place = directory();
     let (case, out) = (place.path().join("case.toml"), place.path().join("out"));
     let path = case.to_string_lossy().into_owned();
@@ -33,7 +33,7 @@ fn nothing_of_the_run_before_is_left() {
             "{name}: {before:?}"
         );
     }
-    // What is not called like a result is nobody's business.
+    // Files without names of results stay as they are.
     let kept = ["contact-3.csv", "notes.txt", "solution-old.vtu"];
     kept.iter().for_each(|name| write(&out.join(name), "mine"));
     run(SOUND, &[], 0);
@@ -41,7 +41,7 @@ fn nothing_of_the_run_before_is_left() {
     let mut expected = [&kept[..], &results].concat();
     expected.sort_unstable();
     assert_eq!(names(&out), expected);
-    // An error that comes before all results takes away what says that the run has converged, and no more.
+    // An error before all results removes the file that states convergence, and nothing else.
     for broken in [
         SOUND.replace(
             "rectangle = { size = [2, 1], cells = [4, 2] }",
@@ -60,7 +60,7 @@ fn nothing_of_the_run_before_is_left() {
 }
 
 #[test]
-fn what_a_run_reads_is_no_result_of_it() {
+fn inputs_of_a_run_are_not_its_results() {
     let place = directory();
     let out = place.path().to_string_lossy().into_owned();
     let refused = |case: &Path, input: &str| {
@@ -70,7 +70,7 @@ fn what_a_run_reads_is_no_result_of_it() {
         let run = signorini(&["solve", &case, "--output", &out]);
         let said = text(&run.stderr);
         assert_eq!(run.status.code(), Some(1), "{said}");
-        let expected = format!("cannot write {}: this run reads it", input.display());
+        let expected = format!("cannot write {}: this run reads this file", input.display());
         assert!(said.contains(&expected), "{expected}\n{said}");
         assert_eq!((names(place.path()), read(&input)), before);
     };
@@ -104,7 +104,7 @@ fn what_a_run_reads_is_no_result_of_it() {
     let run = signorini(&["solve", &case.to_string_lossy(), "--output", &out]);
     assert_eq!(run.status.code(), Some(1));
     assert_eq!(read(&case), "{ no case }");
-    // And where the user says what to write.
+    // The same where the user names the output.
     let mesh = place.path().join("a.msh");
     std::fs::copy("tests/meshes/other.msh", &mesh).or_panic();
     let path = mesh.to_string_lossy().into_owned();
@@ -114,9 +114,9 @@ fn what_a_run_reads_is_no_result_of_it() {
     assert_eq!(read(&mesh), read(Path::new("tests/meshes/other.msh")));
 }
 
-/// `--plots` draws what the case has, and report.html needs nothing from outside.
+/// `--plots` draws the features of the case, and report.html needs no other file.
 #[test]
-fn plots_and_a_page_that_stands_alone() {
+fn plots_and_a_self_contained_page() {
     let out = directory();
     let path = out.path().to_string_lossy().into_owned();
     let run = signorini(&[
@@ -134,7 +134,7 @@ fn plots_and_a_page_that_stands_alone() {
             svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"),
             "{name}"
         );
-        // Any letters may stand in the image.
+        // The image may contain any letters.
         let drawn: String = svg
             .lines()
             .filter(|line| !line.contains("base64"))
@@ -221,7 +221,7 @@ fn units_are_named_and_frictionless_nodes_are_in_contact() {
 }
 
 #[test]
-fn hints_name_what_looks_wrong() {
+fn hints_name_suspicious_figures() {
     let hints = |case: &str, settings: &[&str]| {
         let out = directory();
         let path = out.path().join("case.toml");
@@ -245,22 +245,22 @@ fn hints_name_what_looks_wrong() {
     let edge = hints(punch, &[]);
     assert!(edge.contains("the mesh does not resolve it"), "{edge}");
     let hard = hints(punch, &["support.1.y=-0.9"]);
-    assert!(hard.contains("above E of the softest material"), "{hard}");
+    assert!(hard.contains("exceeds E of the softest material"), "{hard}");
     let far = hints(
         punch,
         &["support.1.y=-0.3", "contact.0.search_distance=0.1"],
     );
     assert!(far.contains("state search_distance"), "{far}");
-    // A pressure that the mesh resolves needs no word.
+    // A pressure that the mesh resolves gives no hint.
     let block = "[mesh.rectangle]\nsize = [1, 1]\ncells = [8, 8]\n[[material]]\nyoung = 1e9\npoisson = 0.3\n\
         [[support]]\nboundary = \"left\"\nx = 0\n[[traction]]\nboundary = \"top\"\npressure = 1e6\n\
         [[contact]]\nboundary = \"bottom\"\nobstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n";
     assert_eq!(hints(block, &[]), "[]");
 }
 
-/// A bar on a hinge that its other end swings about it: told from 8.1° on.
+/// A bar on a hinge that its other end swings about it: a hint from 8.1° on.
 #[test]
-fn bodies_that_have_turned_are_told() {
+fn rotated_bodies_are_reported() {
     let place = directory();
     for (degrees, told) in [(5.0_f64, false), (9.0, true)] {
         let case = format!(

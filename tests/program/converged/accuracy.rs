@@ -1,4 +1,4 @@
-//! As exact as the tolerance says: chosen cases and random ones.
+//! As accurate as the tolerance promises: chosen cases and random ones.
 
 use super::cases::{
     BLOCK, Case, FRICTIONLESS, GRAVITY, bracket, coulomb, end_lever, heavy_block, pressed_block,
@@ -10,7 +10,7 @@ use crate::random::Random;
 use std::fmt::Write as _;
 
 #[test]
-fn as_exact_as_the_tolerance_says() {
+fn as_accurate_as_the_tolerance_promises() {
     let mut failures = Failures::new();
     let cases = [
         bracket(2.1e11, 1e7, FRICTIONLESS),
@@ -66,7 +66,7 @@ pub fn random_case(random: &mut Random, number: usize) -> Case {
         1 => coulomb(mu),
         _ => tresca(bound),
     };
-    // Half of the free blocks are pushed, by up to 80 % of what holds.
+    // Half of the free blocks are pushed, by up to 80 % of the holding force.
     let push = if random.unit() < 0.5 { 0.0 } else { 0.8 } * random.unit();
     let push = match law {
         0 => 0.0,
@@ -111,8 +111,8 @@ pub fn random_case(random: &mut Random, number: usize) -> Case {
     case.in_steps(&factors)
 }
 
-/// Every status but `converged` is an answer here as long as it is honest; only what claims to have converged,
-/// and has not, is wrong. A body that is held must not be called `not_held`.
+/// Every status but `converged` is an acceptable answer here if it is honest; only a claim of convergence without
+/// convergence is wrong. A held body must not be called `not_held`.
 #[test]
 #[ignore = "600 solves and more, of which a few may give up"]
 fn random_cases() {

@@ -3,7 +3,7 @@
 use super::cases::{FRICTIONLESS, coulomb, squeezed, stacked, tower_of_three, tresca};
 use super::run::{DEFAULT, FORCE, Failures, Run, length, on_both_paths};
 
-/// What is wrong with the forces on a body between two contacts and no load: they cancel out.
+/// The error of the forces on a body between two contacts and without a load: they cancel out.
 pub fn wrong_balance(run: &Run) -> Option<String> {
     let (below, above) = (run.force(0, 0), run.force(0, 1));
     let rest = length([below[0] + above[0], below[1] + above[1]]);
@@ -34,7 +34,7 @@ fn floating_bodies_on_others() {
             }
         }
     }
-    // Nothing is pushed or pulled sideways, and the middle block may lie anywhere without friction.
+    // Nothing is pushed or pulled sideways, and without friction the middle block may be anywhere.
     for friction in [FRICTIONLESS, &coulomb(0.3), &tresca(1e3)] {
         for ratio in [1.0, 1e4] {
             let case = squeezed(1e9, ratio, 1e-5, friction);

@@ -11,9 +11,9 @@ pub struct Case {
     pub steps: usize,
     /// Whether the end of a step depends on how it was reached: with friction and more than one step.
     pub history: bool,
-    /// What friction may lock in at most, in N, where it may be more than the load of a small step.
+    /// The largest force that friction may lock in, in N, if it may exceed the load of a small step.
     pub locked: f64,
-    /// What statics says, for every step: the contact, and the force on the body of its first boundary.
+    /// The result of statics for every step: the contact, and the force on the body of its first boundary.
     pub forces: Vec<Vec<[f64; 2]>>,
 }
 
@@ -50,7 +50,7 @@ impl Case {
         self
     }
 
-    /// What is wrong with the forces of a run.
+    /// The errors of the forces of a run.
     pub fn wrong_forces(&self, run: &Run) -> Vec<String> {
         let mut wrong = Vec::new();
         for (step, forces) in self.forces.iter().enumerate() {
@@ -166,8 +166,8 @@ pub fn pressed_block(young: f64, load: f64, push: f64, friction: &str) -> Case {
     .forces(vec![[-push, load * BLOCK[0]]])
 }
 
-/// A block 1 m high and, half way up, 1 m wide, whose sides lean so that it narrows downwards, between two
-/// walls that lean alike, `clearance` from it, under a pressure on its top.
+/// A block 1 m high and, half way up, 1 m wide, whose sides lean so that it narrows downwards, between two walls with
+/// the same lean, `clearance` from it, under a pressure on its top.
 pub fn taper(young: f64, lean: f64, clearance: f64, load: f64) -> Case {
     // Along a side x grows by `lean` per unit of y: its outward normal is (±1, −lean) / slant.
     let slant = 1.0f64.hypot(lean);
@@ -244,7 +244,7 @@ pub fn stacked(young: f64, ratio: f64, load: f64, lower_first: bool, friction: &
     .forces(vec![[0.0, sign * load]])
 }
 
-/// A free block between two held ones, of which the upper one comes down by `approach`.
+/// A free block between two held ones, the upper of which comes down by `approach`.
 pub fn squeezed(young: f64, ratio: f64, approach: f64, friction: &str) -> Case {
     let text = part("lower", [-0.6, 0.0], [1.2, 0.3], [16, 4])
         + &part("middle", [-0.5, 0.3], [1.0, 0.3], [11, 4])
@@ -296,7 +296,7 @@ pub fn strip(young: f64, load: f64, sides: bool, friction: &str) -> Case {
     )
 }
 
-/// A block whose top comes down by `travel` on a floor that lies `gap` below.
+/// A block whose top comes down by `travel` on a floor that is `gap` below.
 pub fn tool(gap: f64, travel: f64, friction: &str) -> Case {
     let text = part("tool", [0.0; 2], [1.0, 0.5], [12, 6])
         + &material("tool", 1e9, 0.0)
@@ -324,7 +324,7 @@ pub fn tool_on_block(gap: f64, travel: f64, friction: &str) -> Case {
     )
 }
 
-/// Three free blocks on a floor, Coulomb 0.3 everywhere, pulled sideways by half of what that holds.
+/// Three free blocks on a floor, Coulomb 0.3 everywhere, pulled sideways by half of the holding force.
 pub fn tower_of_three(young: f64) -> Case {
     let (sideways, height) = (0.5 * 0.3 * GRAVITY, 0.2);
     let widths = [1.2, 1.0, 0.9];
@@ -342,7 +342,7 @@ pub fn tower_of_three(young: f64) -> Case {
     text += &floor("low-bottom", 0.0, &coulomb(0.3));
     text += &between("mid-bottom", "low-top", &coulomb(0.3));
     text += &between("high-bottom", "mid-top", &coulomb(0.3));
-    // Each interface carries what is above it.
+    // Each interface carries everything above it.
     let force = |i: usize| {
         let mass = widths[i..].iter().sum::<f64>() * height * DENSITY;
         [-mass * sideways, mass * GRAVITY]

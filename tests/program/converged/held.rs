@@ -6,8 +6,8 @@ use super::cases::{
 };
 use super::run::{CLOSE, DEFAULT, FORCE, Failures, How, PATHS, Run, length, on_both_paths, solve};
 
-/// What is wrong with the moment of the floor about x = `about`, from the pressures and the areas of the nodes:
-/// a cell's length, half of it at the ends.
+/// The error of the moment of the floor about x = `about`, from the pressures and the areas of the nodes: a cell's
+/// length, half of it at the ends.
 pub fn wrong_moment(run: &Run, about: f64, expected: f64) -> Option<String> {
     let cell = BEAM[0] / BEAM_CELLS[0] as f64;
     let nodes = run.nodes.first()?;
@@ -62,7 +62,7 @@ pub enum Motion {
     Away,
 }
 
-/// What is wrong with a run that has to end with a body that is not held.
+/// The errors of a run that has to end with a body that is not held.
 pub fn wrongly_held(run: &Run, body: &str, motion: Motion) -> Vec<String> {
     let mut wrong = Vec::new();
     if run.code != Some(3) || run.status() != "not_held" {
@@ -90,7 +90,7 @@ pub fn wrongly_held(run: &Run, body: &str, motion: Motion) -> Vec<String> {
             wrong.push(format!("there is no {file}"));
         }
     }
-    // The line that says how the body moves, with its name: that it "can rotate" if nothing holds it says little.
+    // The line with the body's motion and its name: that it "can rotate" if nothing holds it says little.
     let words: &[&str] = match motion {
         Motion::Slides => &["slides", "sliding", "would slide"],
         Motion::Turns => &[
@@ -163,8 +163,8 @@ fn bodies_that_are_not_held() {
         + &material("upper", 2.1e11, DENSITY)
         + &between("upper-bottom", "lower-top", &coulomb(0.05))
         + &floor("lower-bottom", 0.0, &coulomb(0.8));
-    // Pressed and held in the first step, pushed away in the second: by half of what friction holds, 3e4 N, and
-    // by a tenth more than that.
+    // Pressed and held in the first step, pushed away in the second: by half of the friction limit of 3e4 N, and by a
+    // tenth more than that.
     let later = pressed_block(1e9, 1e5, 0.0, &coulomb(0.3)).in_steps(&[1.0, 1.0]);
     let push = traction("block-left", 'x', 1e5) + "factors = [0.5, 1.1]\n";
     let later = Case {
@@ -238,7 +238,7 @@ fn frictionless_tapers() {
     failures.finish();
 }
 
-/// What is wrong with the vertical sum of two walls: it carries the load, however large their forces are.
+/// The error of the vertical sum of two walls: it carries the load, however large their forces are.
 pub fn wrong_sum(case: &Case, run: &Run) -> Option<String> {
     let expected: f64 = case.forces[0].iter().map(|force| force[1]).sum();
     let sum: f64 = (0..2).map(|contact| run.force(0, contact)[1]).sum();
@@ -254,7 +254,7 @@ fn levers() {
         for force in [1.0, 100.0, 1e4] {
             let case = end_lever(gap, force);
             on_both_paths(&mut failures, &case, DEFAULT, |run| {
-                // The force has the arm 1 m; the pin carries what the floor does not.
+                // The force has the arm 1 m; the pin carries the part that the floor does not.
                 let mut wrong = Vec::from_iter(wrong_moment(run, 0.0, force * BEAM[0]));
                 let (floor, pin) = (run.force(0, 0), run.reaction(0, 0));
                 let rest = length([floor[0] + pin[0], floor[1] + pin[1] - force]);

@@ -9,7 +9,7 @@ pub struct Grid {
     pub nodes: Vec<[f64; 2]>,
     /// Corners, counter-clockwise.
     pub cells: Vec<[usize; 4]>,
-    /// Nodes on a floor, with the lengths of boundary that they stand for.
+    /// Nodes on a floor, with their lengths of boundary.
     pub base: Vec<(usize, f64)>,
     pub load: Vec<f64>,
 }
@@ -235,7 +235,7 @@ fn matrices_of_a_free_block() {
             if run.status() == "converged" {
                 let [_, normal, tangential] = &run.vectors;
                 let (down, along): (f64, f64) = (normal.iter().sum(), tangential.iter().sum());
-                // λτ acts against the push on the block: B transposed stands on the side of K.
+                // λτ acts against the push on the block: Bᵀλ is on the side of K.
                 let error = length([down - press * width, along - push * width]) / (press * width);
                 if !(error <= FORCE * DEFAULT) {
                     wrong.push(format!(
@@ -263,7 +263,7 @@ fn matrices_of_a_free_block() {
 }
 
 #[test]
-fn matrices_with_a_kernel_that_nothing_explains() {
+fn matrices_with_an_unexplained_kernel() {
     let mut failures = Failures::new();
     let block = Grid::block(1e6, 0.0);
     let hinged = Grid::hinged();

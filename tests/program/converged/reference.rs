@@ -5,10 +5,10 @@ use super::run::{
     FORCE, How, NODAL, Node, Run, difference, largest, largest_pressure, length, solve,
 };
 
-/// Tolerances of references, the first that is reached: what is compared with them is a thousand times coarser.
+/// Tolerances of references, the first that is reached: the comparison is a thousand times coarser.
 pub const REFERENCE: [f64; 2] = [1e-11, 1e-10];
 
-/// The same case, solved as well as can be; None where that fails.
+/// The same case, solved as accurately as possible; None if that fails.
 pub fn reference(case: &Case) -> Option<Run> {
     REFERENCE
         .into_iter()
@@ -16,10 +16,10 @@ pub fn reference(case: &Case) -> Option<Run> {
         .find(|run| run.code == Some(0) && run.status() == "converged" && run.steps() == case.steps)
 }
 
-/// What is wrong with the nodes and the resultants of a run, beside its reference.
+/// The errors of the nodes and the resultants of a run against its reference.
 ///
-/// All is relative to the largest pressure or force of the step. Where friction keeps what has happened before,
-/// the errors of a step are handed on as they are, so that there the largest so far counts.
+/// All is relative to the largest pressure or force of the step. Friction preserves the history, so the errors of a
+/// step are carried on, and there the largest so far counts.
 pub fn apart(case: &Case, run: &Run, reference: &Run) -> Vec<String> {
     let mut wrong = Vec::new();
     if run.nodes.len() != reference.nodes.len() {

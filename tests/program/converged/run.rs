@@ -1,4 +1,4 @@
-//! A run of the program on a case, and what is wrong with what it has left.
+//! A run of the program on a case, and the errors of its results.
 
 use super::cases::Case;
 use crate::or_panic::OrPanic as _;
@@ -13,7 +13,7 @@ pub const PATHS: [&str; 2] = ["cholesky", "pcg"];
 /// `solver.tolerance` by default.
 pub const DEFAULT: f64 = 1e-6;
 
-/// What is allowed, in tolerances: of the optimality conditions (relative as `kkt` is) …
+/// The allowed violation, in tolerances: of the optimality conditions (relative as `kkt` is) …
 pub const KKT: f64 = 10.0;
 
 /// … of the resultants, relative to the largest of the step; at the default tolerance that is 1e-4 …
@@ -22,8 +22,8 @@ pub const FORCE: f64 = 100.0;
 /// … and of nodal pressures and tangential tractions, relative to the largest pressure of the step.
 pub const NODAL: f64 = 1000.0;
 
-/// What pressures differ by that a body has come to in steps or at once, and what areas times pressures sum up
-/// to.
+/// The allowed difference between pressures reached in steps or at once, and between areas times pressures and their
+/// sum.
 pub const CLOSE: f64 = 1e-4;
 
 /// The friction tolerance by default. A finer tolerance than this takes that of the friction along.
@@ -37,7 +37,7 @@ pub struct Node {
     pub traction: f64,
 }
 
-/// What a run has left.
+/// The results of a run.
 pub struct Run {
     pub name: String,
     pub tolerance: f64,
@@ -54,7 +54,7 @@ pub struct Run {
     pub files: Vec<String>,
 }
 
-/// How a case is to be run.
+/// The way to run a case.
 #[derive(Clone, Copy)]
 pub struct How<'a> {
     pub path: &'a str,
@@ -76,7 +76,7 @@ pub fn read(path: &Path) -> Option<String> {
     std::fs::read_to_string(path).ok()
 }
 
-/// Solves a case in a directory of its own, beside the given files.
+/// Solves a case in its own directory, beside the given files.
 pub fn solve_with(name: &str, text: &str, files: &[(&str, String)], how: How) -> Run {
     let place = tempfile::tempdir().or_panic();
     let case = place.path().join("case.toml");
@@ -182,7 +182,7 @@ impl Run {
         pair(&self.report["steps"][step]["supports"][support]["force"])
     }
 
-    /// The first line that says what went wrong.
+    /// The first line with the error.
     pub fn first_words(&self) -> String {
         let line = |text: &str| text.lines().next().unwrap_or("").to_owned();
         line(if self.stderr.is_empty() {
@@ -192,7 +192,7 @@ impl Run {
         })
     }
 
-    /// What is wrong with a run that has to have converged in this many steps; nothing where all is well.
+    /// The errors of a run that has to have converged in this many steps; empty if it is correct.
     pub fn unconverged(&self, steps: usize) -> Vec<String> {
         if self.code != Some(0) || self.status() != "converged" {
             let (code, status) = (self.code, self.status());
@@ -233,8 +233,7 @@ impl Run {
             .collect()
     }
 
-    /// What is wrong with a resultant, which has to be this to 100 ε of its length, or of `least` if that is
-    /// more.
+    /// The error of a resultant, which has to be this to 100 ε of its length, or of `least` if that is more.
     pub fn wrong_force(
         &self,
         step: usize,
@@ -285,7 +284,7 @@ pub fn largest_pressure(nodes: &[Node]) -> f64 {
     largest(nodes.iter().map(|node| node.pressure))
 }
 
-/// The failures of a test, told together at its end.
+/// The failures of a test, reported together at its end.
 pub struct Failures {
     pub runs: usize,
     pub failed: usize,
@@ -301,7 +300,7 @@ impl Failures {
         }
     }
 
-    /// Counts a run, with what is wrong with it.
+    /// Counts a run, with its errors.
     pub fn add(&mut self, name: impl Display, wrong: Vec<String>) {
         self.runs += 1;
         if !wrong.is_empty() {
@@ -325,7 +324,7 @@ impl Failures {
     }
 }
 
-/// Runs a case on both paths; `more` checks what has converged.
+/// Runs a case on both paths; `more` checks converged ones.
 pub fn on_both_paths(
     failures: &mut Failures,
     case: &Case,

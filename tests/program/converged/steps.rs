@@ -7,8 +7,7 @@ use super::run::{CLOSE, DEFAULT, Failures, How, NODAL, PATHS, on_both_paths, sol
 #[test]
 fn every_step_carries_its_own_load() {
     let mut failures = Failures::new();
-    // The bound is that of a hundredth of a percent of the pressure: it holds what is left of slip in small
-    // steps.
+    // The bound is that of a hundredth of a percent of the pressure: it holds the remaining slip in small steps.
     for friction in [FRICTIONLESS, &coulomb(0.3), &tresca(100.0)] {
         for factors in [
             &[1.0, 1e-4][..],
@@ -20,7 +19,7 @@ fn every_step_carries_its_own_load() {
             on_both_paths(&mut failures, &case, DEFAULT, |run| case.wrong_forces(run));
         }
     }
-    // Pushed as well: half of what friction holds.
+    // Pushed as well: half of the friction limit.
     for factors in [&[1.0, 1e-4][..], &[1e-4, 1.0, 0.3]] {
         let case = pressed_block(1e9, 1e6, 1.5e5, &coulomb(0.3)).in_steps(factors);
         on_both_paths(&mut failures, &case, DEFAULT, |run| case.wrong_forces(run));

@@ -1,7 +1,7 @@
-//! What each number of the method is worth: all problems of a corpus with each of them halved and doubled.
+//! The effect of each number of the method: all problems of a corpus with each of them halved and doubled.
 //!
-//! The corpus: the templates of `examples/` on both paths, the plane ones also by Algorithm ISSNM as printed; cases A, B and
-//! C on both paths; long bars, beams and a plate with Coulomb friction, on the factor, the longest beam by PCG as well; random
+//! The corpus: the templates of `examples/` on both paths, the plane ones also by Algorithm ISSNM as printed; cases A, B and C
+//! on both paths; long bars, beams and a plate with Coulomb friction, on the factor, the longest beam by PCG as well; random
 //! problems of the campaign on both paths. PCG runs on the CPU. `docs/constants.md` has the table.
 //!
 //! `cargo test --release --test suite -- --ignored --nocapture campaign::ablation` takes half an hour. Environment:
@@ -57,7 +57,7 @@ boundary = "bottom"
 obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }
 friction = { coulomb = 1 }
 "#;
-/// One that slip creeps along from end to end.
+/// A bar along which slip creeps from end to end.
 const LONG_BAR: &str = r#"
 [mesh.rectangle]
 size = [600, 1]
@@ -96,7 +96,7 @@ boundary = "bottom"
 obstacle = { half_plane = { point = [0, -0.3], normal = [0, 1] } }
 friction = { coulomb = 0.5 }
 "#;
-/// A thin plate likewise.
+/// A thin plate, bent down in the same way.
 const PLATE: &str = r#"
 [mesh.box]
 size = [20, 20, 0.2]
@@ -275,12 +275,12 @@ fn corpus() -> Vec<Entry> {
     all
 }
 
-/// What has come of each problem, and on which path.
+/// The result of each problem, and its path.
 #[derive(Default)]
 struct Outcomes(Vec<(Stiffness, String, Outcome)>);
 
 impl Outcomes {
-    /// Products on the factor, by PCG, and V-cycles: of what is solved here and there, here and there.
+    /// Products on the factor, by PCG, and V-cycles: of problems solved in both runs, here and there.
     fn sums(&self, base: &Self) -> [[usize; 3]; 2] {
         let mut sums = [[0; 3]; 2];
         for ((path, _, here), (_, _, there)) in self.0.iter().zip(&base.0) {
@@ -308,7 +308,8 @@ impl Outcomes {
         cells.collect()
     }
 
-    /// What is not solved, each with how many; only what is solved there, if that is given, and the other way round.
+    /// The problems that are not solved, each with its number; only those solved in `base`, if given, and the other way
+    /// round.
     fn words(&self, base: Option<&Self>) -> String {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for (i, (path, name, outcome)) in self.0.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Random problems with compliant contact, from a ten thousandth to ten thousand times as stiff as the bodies, along the normal,
 //! along the boundary or both, on all nodes or on some.
 //!
-//! A compliant contact is a hard one on a spring: with an unknown w of its own and the stiffness 1/C on it, the row (N, 1) says
-//! N u + w ≤ d, and (1) in the row of w that w = −Cλ. So the oracle of hard contact judges (u, −Cλ) and λ.
+//! A compliant contact is a hard one on a spring: with an unknown w of its own and the stiffness 1/C on it, the row (N, 1) is N
+//! u + w ≤ d, and (1) in the row of w is w = −Cλ. So the oracle of hard contact judges (u, −Cλ) and λ.
 
 use super::problems::{Problem, problem};
 use super::runs::run;
@@ -28,7 +28,7 @@ impl OnSprings {
         let compliance = trial.problem.contact_compliance().to_vec();
         let (n, m) = (oracle.n, oracle.m);
         for (i, &c) in compliance.iter().enumerate() {
-            // What is hard gets an unknown that nothing touches.
+            // Hard rows get an unknown that nothing touches.
             oracle
                 .k
                 .push((n + i, n + i, if c > 0.0 { 1.0 / c } else { 1.0 }));
@@ -50,7 +50,7 @@ impl OnSprings {
         u.iter().copied().chain(springs).collect()
     }
 
-    /// What is wrong with a step.
+    /// The errors of a step.
     fn judge<const D: usize>(&self, run: &Run<D>, trial: &Trial<D>, step: usize) -> Vec<String> {
         let (load, start, end) = (&trial.loads[step], run.start(trial, step), &run.steps[step]);
         let mut load = load.clone();

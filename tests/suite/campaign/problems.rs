@@ -9,12 +9,12 @@ use crate::common::draw::{chance, decade, generator, pick};
 use known::{Known, known};
 use matrices::matrices;
 
-/// A problem of a family, with what is known of its answer.
+/// A problem of a family, with the known data of its answer.
 pub struct Problem<const D: usize = 2> {
     pub family: &'static str,
     pub trial: Trial<D>,
     pub known: Option<Known>,
-    /// Whether statics says that forces can balance the loads.
+    /// Whether forces can balance the loads, by statics.
     pub held: Option<bool>,
 }
 
@@ -69,8 +69,8 @@ pub fn pile(random: &mut Random) -> Written {
     stack(random, range)
 }
 
-/// A block on a floor that is pushed by nearly what it bears before it slides or tips. All tractions are uniform, so
-/// that statics tells.
+/// A block on a floor that is pushed nearly to its limit of sliding or tipping. All tractions are uniform, so that
+/// statics gives the limit.
 pub fn edge(random: &mut Random) -> (Written, Option<bool>) {
     let young = decade(random, -4.0, 12.0);
     let scale = decade(random, -5.0, 3.0);

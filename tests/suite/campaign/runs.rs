@@ -1,4 +1,4 @@
-//! Random problems on some paths, and one of them in print.
+//! Random problems on some paths, and the printout of one of them.
 
 use super::problems::Problem;
 use super::tally::{Tally, failures};
@@ -63,7 +63,7 @@ pub fn tight<const D: usize>(
 
 /// Tries this many problems on some paths: a tally for each.
 ///
-/// Each worker has a pool of its own with a single thread, so that no solve waits for parts of another one.
+/// Each worker has its own pool with a single thread, so that no solve waits for parts of another one.
 pub fn campaign<const D: usize>(
     make: fn(u64) -> Result<Problem<D>, String>,
     ways: &[Way],
@@ -168,7 +168,7 @@ pub fn one<const D: usize>(
     tallies
 }
 
-/// Prints a problem, how its solves go and what the oracle says.
+/// Prints a problem, its solves and the verdict of the oracle.
 pub fn tell<const D: usize>(problem: &Problem<D>, seed: u64, ways: &[Way]) {
     let trial = &problem.trial;
     println!("{seed}: {}\n{}", trial.name, trial.text);
@@ -232,7 +232,7 @@ pub fn tell<const D: usize>(problem: &Problem<D>, seed: u64, ways: &[Way]) {
     }
 }
 
-/// As many as the environment says.
+/// As many as the environment requests.
 pub fn many<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>) {
     let ways: Vec<Way> = match std::env::var("CAMPAIGN_PATHS").as_deref() {
         Ok("cholesky") => vec![Way::Cholesky],

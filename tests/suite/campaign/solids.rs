@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 /// The problem of a seed, or why it could not be built.
 pub fn solid(seed: u64) -> Result<Problem<3>, String> {
     let random = &mut generator(seed ^ 0x0050_11d0_0000_0000);
-    // All that is drawn, in words.
+    // All random choices, in words.
     let mut name = String::new();
     // Three problems of four are convex.
     let coulomb = chance(random, 0.25);
@@ -44,13 +44,13 @@ pub fn solid(seed: u64) -> Result<Problem<3>, String> {
     })
 }
 
-/// A block and what it is made of.
+/// A block and its properties.
 struct Block {
     size: Vector,
     cells: [usize; 3],
     shape: SolidShape,
     material: Material,
-    /// What forces are measured by: a pressure that strains the material by 1e-7 to 1e-3.
+    /// The scale of forces: a pressure that strains the material by 1e-7 to 1e-3.
     pressure: f64,
 }
 
@@ -113,7 +113,7 @@ fn friction(
     body: &Block,
     name: &mut String,
 ) -> Pair<3> {
-    // What nothing else holds needs some.
+    // A block without other supports needs some.
     if coulomb {
         let mu = decade(random, if held { -2.0 } else { -0.7 }, 0.3);
         let _ = write!(name, ", mu {mu:.3}");
@@ -162,7 +162,7 @@ fn pressed(
         shear[0], shear[1]
     );
     let size = body.size;
-    // The turned body is looked at as it was.
+    // The rotated body is judged in its original frame.
     let back: [Vector; 3] = std::array::from_fn(|j| std::array::from_fn(|i| turn[i][j]));
     let force = move |x: Vector| {
         let x = times(&back, x);
@@ -234,7 +234,7 @@ fn one_body(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3> {
             radius,
         },
         2 | 3 => {
-            // A slope on which the block stands with its edge or a corner.
+            // A slope on which the block rests with its edge or a corner.
             let most = if is_held { 1.0 } else { 0.3 };
             let slope = [(); 2].map(|()| most * random.between(-0.4, 0.4));
             let corner = [
@@ -320,7 +320,7 @@ fn two_bodies(random: &mut Random, coulomb: bool, name: &mut String) -> Model<3>
     low.material.young = up.material.young * decade(random, -4.5, 4.5);
     let is_held = chance(random, 0.4);
     let _ = write!(name, " of E {:.1e}, held {is_held}", low.material.young);
-    // Of the same unit; the upper one stands on the lower one, or overhangs.
+    // Of the same size; the upper one rests on the lower one, or overhangs.
     let scale = low.size[0] / up.size[0];
     up.size = up.size.map(|edge| edge * scale * decade(random, -0.4, 0.1));
     low.pressure = up.pressure;

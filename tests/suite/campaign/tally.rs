@@ -1,4 +1,4 @@
-//! What one path has come to, and what of it must not be.
+//! The results of one path, and the failures among them.
 
 use super::problems::Problem;
 use super::runs::tight;
@@ -19,16 +19,16 @@ pub const RARE: usize = 1000;
 /// … and in space, where blocks hang over others with slivers of facets, and their moduli differ by 10⁴.
 pub const RARE_IN_SPACE: usize = 200;
 
-/// Two load steps in this many at most may be without the answer that there is, and a few of them in all.
+/// At most two load steps in this many may miss an existing answer, and a few of them in all.
 pub const ANSWERED: usize = 1000;
 
 /// More Newton steps of a convex problem are worth a look.
 pub const STEPS: usize = 60;
 
-/// Lines about seeds, by what they are about.
+/// Lines about seeds, by subject.
 pub type Notes = BTreeMap<String, Vec<(u64, String)>>;
 
-/// What one path has come to.
+/// The results of one path.
 #[derive(Default)]
 pub struct Tally {
     pub problems: usize,
@@ -37,13 +37,13 @@ pub struct Tally {
     pub longest: (usize, u64),
     /// For each family, how often it ended in which way.
     pub ends: BTreeMap<&'static str, BTreeMap<String, usize>>,
-    /// For each condition the largest part of what is allowed.
+    /// For each condition the largest part of the allowed deviation.
     pub worst: BTreeMap<&'static str, (f64, u64)>,
-    /// What must not be.
+    /// Failures.
     pub failures: Notes,
-    /// What may be, and is worth a look.
+    /// Remarks that deserve a look.
     pub remarks: Notes,
-    /// Answers to steps whose forces rounding hides.
+    /// Answers to steps whose forces are below rounding.
     pub blind: usize,
     /// Steps without an answer although there is one.
     pub unanswered: usize,
@@ -144,7 +144,7 @@ impl Tally {
     ) {
         let (mut deviations, blind) = oracle.judge(load, start, &step.u, &step.lambda, false);
         self.blind += usize::from(blind);
-        // What rounding has left of forces after unloading is known no better than those before.
+        // Remaining forces after unloading are no more accurate than those before.
         if deviations.iter().any(|d| !(d.times <= 1.0)) {
             deviations = oracle.judge(load, start, &step.u, &step.lambda, true).0;
             if deviations.iter().all(|d| d.times <= 1.0) {
@@ -334,7 +334,7 @@ impl Tally {
     }
 }
 
-/// What must not be, over all paths.
+/// The failures over all paths.
 pub fn failures<const D: usize>(tallies: &[Tally]) -> Vec<String> {
     let rare = if D == 2 { RARE } else { RARE_IN_SPACE };
     let notes = tallies.iter().flat_map(|tally| &tally.failures);

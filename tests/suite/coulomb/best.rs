@@ -1,4 +1,5 @@
-//! Whatever ends a step under Coulomb's law, its end is the best point met, and what is said of it is about that law.
+//! However a step ends under Coulomb's law, its end is the best point met, and all reported figures are those of that
+//! law.
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::dual::DirectDual;
@@ -63,7 +64,7 @@ fn problem() -> ContactProblem<3> {
     .or_panic()
 }
 
-/// By how much λ changes in a step of length ρ against Aλ − b that is brought back to λν ≥ 0 and then to the disc of μλν; over ρ.
+/// The change of λ in a step of length ρ against Aλ − b that is projected to λν ≥ 0 and then to the disc of μλν; divided by ρ.
 fn off(lambda: &[f64], rho: f64) -> f64 {
     let rows: Vec<Vec<f64>> = (0..3 * NODES).map(row).collect();
     let force = |i: usize| match i % 3 {
@@ -135,7 +136,7 @@ fn the_end_of_a_step_is_its_best_point() {
                 found <= 3.0 * before + 1e-10,
                 "{what}: {found:e} after {before:e}"
             );
-            // What is said of the end: relative to what there is without forces, or to what forces do to their own nodes.
+            // The scale at the end: the error without forces, or the effect of forces on their own nodes.
             let own = (0..3 * NODES).map(|i| {
                 let force = match i % 3 {
                     0 => step.lambda[i / 3],

@@ -74,8 +74,8 @@ pub fn algebraic(random: &mut Random) -> Trial {
             }
         }
     }
-    // Each contact node has two unknowns of its own, which a rotation takes to normal and tangent; general rows
-    // have a little of other unknowns besides.
+    // Each contact node has its own two unknowns, which a rotation takes to normal and tangent; general rows also
+    // contain a little of other unknowns.
     let mut order: Vec<usize> = (0..n / 2).collect();
     for i in 0..order.len() {
         let j = i + random.below(order.len() - i);

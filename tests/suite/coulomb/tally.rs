@@ -1,4 +1,4 @@
-//! What a campaign has found, in print, and what of it is a failure.
+//! The results of a campaign, in print, and its failures.
 
 use super::problems::trial;
 use super::run;
@@ -10,8 +10,7 @@ use crate::common::runs::{Run, Way, name_of};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
 
-/// What is wrong with the steps of a run that say `converged`. What is right, but close to its limit,
-/// is noted in `closest`.
+/// The errors of the `converged` steps of a run. Correct ones close to their limit are noted in `closest`.
 pub fn wrong_steps(
     trial: &Trial,
     oracle: &Oracle,
@@ -35,7 +34,7 @@ pub fn wrong_steps(
             let most = closest.entry(right.name).or_default();
             *most = most.max(right.times);
         }
-        // The worst one says enough.
+        // The worst one suffices.
         if let Some(worst) = wrong.iter().max_by(|a, b| a.times.total_cmp(&b.times)) {
             all.push(format!(
                 "step {}: {} at {}, {:.2e} times what is allowed ({} conditions broken)",
@@ -50,15 +49,15 @@ pub fn wrong_steps(
     all
 }
 
-/// What a step that has not converged is worth.
+/// The verdict on a step that has not converged.
 pub enum GivenUp {
     /// It is a solution.
     Right,
     /// There is a solution.
     Missed,
-    /// There is none.
+    /// There is no solution.
     Hopeless,
-    /// Nobody knows.
+    /// Unknown.
     Open,
 }
 
@@ -84,7 +83,7 @@ pub fn judge(trial: &Trial, oracle: &Oracle, run: &Run) -> Option<(Status, Given
     Some((status, given_up))
 }
 
-/// What a campaign on one path has found.
+/// The results of a campaign on one path.
 #[derive(Default)]
 pub struct Tally {
     pub problems: usize,
@@ -93,9 +92,9 @@ pub struct Tally {
     pub steps: [usize; 2],
     pub ends: [BTreeMap<String, usize>; 2],
     pub wrong: [Vec<String>; 2],
-    /// For each condition, the largest part of what is allowed in a right answer.
+    /// For each condition, the largest part of the limit in a right answer.
     pub closest: [BTreeMap<&'static str, f64>; 2],
-    /// Steps that have not converged, by what they say: those that have a solution, all the same; and how many
+    /// Steps that have not converged, by status: those that nevertheless have a solution; and the numbers of those that
     /// have none, or may have one.
     pub missed: [Vec<String>; 2],
     pub too_strict: [Vec<String>; 2],
@@ -116,8 +115,8 @@ pub struct Tally {
 
 pub const WAYS: [&str; 2] = ["monolithic", "rounds"];
 
-/// What their answers may be off by, in parts of what the oracle allows: rounds end when the slip bounds of a problem that is
-/// solved to 10 ε differ by as much from those that go with its pressures.
+/// The allowed error of their answers, in parts of the oracle's limits: rounds end when the slip bounds of a problem that is
+/// solved to 10 ε differ by as much from those of its pressures.
 pub const ALLOWED: [f64; 2] = [1.0, 2.0];
 
 impl Tally {
@@ -176,7 +175,7 @@ impl Tally {
             }
         }
         let [monolithic, rounds] = &runs;
-        // Step by step, as far as both have come, and as long as both have the same history.
+        // Step by step, as far as both have solved, and as long as both have the same history.
         for number in 0..trial.loads.len() {
             let [c, r] = [monolithic, rounds].map(|run| run.status(number));
             let (Some(c), Some(r)) = (c, r) else {
@@ -223,7 +222,7 @@ impl Tally {
                     let [a, b] = [monolithic, rounds].map(|run| &run.steps[number]);
                     let size = (oracle.size(&a.u, &a.lambda)).max(oracle.size(&b.u, &b.lambda));
                     let apart: Vec<f64> = a.u.iter().zip(&b.u).map(|(a, b)| a - b).collect();
-                    // Where all loads are gone, rounding of what was there is left.
+                    // If all loads are gone, rounding of the earlier forces is left.
                     let ago = (monolithic.steps[..number].iter())
                         .fold(0.0, |s: f64, step| s.max(largest(&step.u)));
                     // And a body that moves as a whole has hardly a deformation.
@@ -245,7 +244,7 @@ impl Tally {
                 }
                 (false, true) => self.only_rounds.push(line()),
                 (true, false) => self.only_coupled.push(line()),
-                // Both give up, but one says that there is no solution.
+                // Both fail, but one claims that there is no solution.
                 (false, false) if not_held && c != r => self.disputed.push(line()),
                 (false, false) => {}
             }
@@ -363,7 +362,7 @@ impl Tally {
         section("refused", &self.refused);
     }
 
-    /// What a campaign has to keep.
+    /// The requirements on a campaign.
     pub fn failures(&self, way: Way) -> Vec<String> {
         let mut failures = Vec::new();
         let mut none = |what: &str, count: usize| {

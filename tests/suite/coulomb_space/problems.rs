@@ -65,7 +65,7 @@ pub fn beam(length: f64, mu: f64) -> Model<3> {
         .contact(on_floor(mu))
 }
 
-/// A cube that nothing but the floor holds, pulled by a part of what friction can bear and twisted about its axis.
+/// A cube that only the floor holds, pulled by a part of the friction limit and twisted about its axis.
 pub fn cube(q: usize, mu: f64, part: f64, twist: f64) -> Model<3> {
     let pressure = 1e7;
     let (pull, twist) = (part * mu * pressure, twist * mu * pressure);

@@ -1,4 +1,4 @@
-//! Their runs: products to given errors, beside those of the same steps with the slip bounds given.
+//! Their runs: products to given errors, compared with those of the same steps with the slip bounds given.
 
 use crate::common::or_panic::OrPanic as _;
 use crate::common::oracle::Oracle;
@@ -145,7 +145,7 @@ impl Run {
         }
     }
 
-    /// The steps as Tresca problems with the slip bounds that they end with.
+    /// The steps as Tresca problems with their final slip bounds.
     pub fn given(&self) -> Vec<(StepSolution<3>, Vec<usize>)> {
         let problem = &self.built.problem;
         let mut engine = engine(problem, Stiffness::Cholesky);
@@ -200,7 +200,7 @@ pub fn priced(name: &str, model: Model<3>) -> [Vec<usize>; 2] {
     costs
 }
 
-/// At most 60 | 80 products, and 1.3 times what the Tresca problem with its bounds takes.
+/// At most 60 | 80 products, and 1.3 times those of the Tresca problem with its bounds.
 pub fn few_products(
     all: impl IntoIterator<Item = (String, Model<3>)>,
     most: [usize; 2],

@@ -92,10 +92,10 @@ pub struct Drawing {
     pub entities: Vec<Entity>,
 }
 
-/// Two unit squares side by side, the left one of triangles; nodes 1 to 6 around, and a line apart.
+/// Two unit squares side by side, the left one of triangles; nodes 1 to 6 around, and a separate line.
 ///
-/// Surfaces: steel, rubber, and "all" of both. Curves: "bottom" turned around, "middle" between the squares, "every"
-/// of these, and "line", which is no edge.
+/// Surfaces: steel, rubber, and "all" of both. Curves: "bottom" turned around, "middle" between the squares, "every" of
+/// these, and "line", which is not an edge.
 pub fn squares() -> Drawing {
     Drawing {
         names: vec![
@@ -140,8 +140,8 @@ impl Drawing {
         out.text(&(text + "$EndPhysicalNames\n"));
     }
 
-    /// As Gmsh writes it: an element stands once for each of its groups. It writes no signs, but turns elements
-    /// around; other programs write the signs.
+    /// As Gmsh writes it: an element is listed once for each of its groups. It writes no signs, but reverses elements;
+    /// other programs write the signs.
     pub fn msh2(&self, version: &str, coding: Coding, signs: bool, parametric: bool) -> Vec<u8> {
         let mut out = Out::new(version, coding);
         self.names(&mut out);

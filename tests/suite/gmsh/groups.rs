@@ -8,7 +8,7 @@ use signorini::mesh::{BoundaryError, FaultKind};
 use std::collections::BTreeMap;
 
 #[test]
-fn an_element_in_two_groups_stands_once_in_every_format() {
+fn an_element_in_two_groups_counts_once_in_every_format() {
     for (format, bytes) in squares().files() {
         let mesh = mesh_of(&bytes);
         assert_eq!(mesh.elements.len(), 3, "{format}");
@@ -127,7 +127,7 @@ fn copies_of_elements_count_once() {
         told.contains("elements 0 and 1 overlap: both lie on the same side of the edge"),
         "{told}"
     );
-    // A group may be called like the region of two others; and it keeps its name.
+    // A group may have the name of the region of two others; and it keeps its name.
     let mut drawing = squares();
     drawing.names[8] = (2, 3, "steel & rubber");
     drawing.entities = vec![
@@ -233,7 +233,7 @@ fn inner_boundaries_may_be_held_but_not_loaded() {
             "{error}"
         );
     }
-    // The worse of two faults is told, in whichever order they stand.
+    // The worse of two faults is reported, whatever their order.
     for curves in [[[2, 5], [7, 8]], [[7, 8], [5, 2]]] {
         let mut drawing = squares();
         drawing.entities.insert(0, curve(&[14], &curves));

@@ -1,4 +1,4 @@
-//! What is no mesh, or one that cannot be used: what to do about it.
+//! Files that are not meshes, or not usable ones, and their remedies.
 
 use super::drawing::{Coding, Out, squares};
 use super::{HELD, material, measures_are, mesh_of, message, read_named, refused};
@@ -8,7 +8,7 @@ use signorini::mesh::{Element, Mesh, MeshError};
 use std::collections::BTreeMap;
 
 #[test]
-fn a_mesh_without_physical_curves_says_how_to_add_them() {
+fn a_mesh_without_physical_curves_explains_how_to_add_them() {
     let mut drawing = squares();
     drawing.entities.retain(|e| e.dim == 2);
     let bytes = drawing.msh2("2.2", Coding::Ascii, false, false);
@@ -20,7 +20,7 @@ fn a_mesh_without_physical_curves_says_how_to_add_them() {
             && error.contains("Physical Curve(\"left\") = {"),
         "{error}"
     );
-    // One part without curves beside one that has them.
+    // One part without curves beside one with them.
     let error = refused(
         &bytes,
         "[[mesh.part]]\nname = \"a\"\nrectangle = { size = [1, 1], cells = [1, 1] }\n\
@@ -36,7 +36,7 @@ fn a_mesh_without_physical_curves_says_how_to_add_them() {
 }
 
 #[test]
-fn other_versions_and_other_files_say_what_to_do() {
+fn other_versions_and_other_files_name_the_remedy() {
     for version in ["4", "4.0", "3.0", "2.3", "1.0"] {
         let error = message(&squares().msh2(version, Coding::Ascii, false, false));
         assert!(
@@ -47,7 +47,7 @@ fn other_versions_and_other_files_say_what_to_do() {
         );
     }
     assert!(message(b"$NOD\n1\n1 0 0 0\n$ENDNOD\n").contains("MSH version 1 is not supported"));
-    // What MSH 2 makes of a drawing with Mesh.SaveAll = 1, and a drawing without any groups.
+    // The output of MSH 2 for a drawing with Mesh.SaveAll = 1, and a drawing without any groups.
     let mut drawing = squares();
     drawing.entities.iter_mut().for_each(|e| e.groups.clear());
     let error = message(&drawing.msh2("2.2", Coding::Ascii, false, false));
@@ -56,7 +56,7 @@ fn other_versions_and_other_files_say_what_to_do() {
     let mesh = mesh_of(&drawing.msh2("2.2", Coding::Ascii, false, false));
     assert_eq!(mesh.regions, ["unnamed"]);
     assert!(mesh.boundaries.is_empty());
-    // What Notepad puts in front of a text.
+    // The byte order mark of Notepad.
     let mut marked = b"\xef\xbb\xbf".to_vec();
     marked.extend(squares().msh4(Coding::Ascii));
     assert_eq!(mesh_of(&marked).elements.len(), 3);
@@ -149,7 +149,7 @@ fn wrong_parts_of_a_mesh_are_errors() {
     assert!(error.to_string().contains("\"side\" names node 3"));
 }
 
-/// Files that claim what they do not hold: an error at once, whatever stands in their headers.
+/// Files that announce more than they hold: an error at once, whatever their headers announce.
 #[test]
 fn hostile_files_are_errors() {
     for coding in [Coding::Little, Coding::Big] {
@@ -169,7 +169,7 @@ fn hostile_files_are_errors() {
             let mut out = Out::new("2.2", coding);
             out.text("$Elements\n1\n");
             header.iter().for_each(|&value| out.int(value));
-            assert!(message(&out.bytes).contains("makes no sense"));
+            assert!(message(&out.bytes).contains("is invalid"));
         }
         for section in ["Entities", "Nodes", "Elements"] {
             for count in [1 << 40, 1 << 50, u64::MAX] {

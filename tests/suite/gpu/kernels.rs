@@ -1,4 +1,4 @@
-//! Each kernel, beside the same method in Rust.
+//! Each kernel, compared with the same method in Rust.
 
 use super::{PRECISIONS, context, one_body};
 use crate::common::Random;
@@ -30,7 +30,7 @@ pub fn numbers(random: &mut Random, len: usize) -> Vec<f64> {
     (0..len).map(|_| number(random)).collect()
 }
 
-/// What the kernels work on, in blocks of D.
+/// The data for the kernels, in blocks of D.
 pub struct Data<const D: usize> {
     pub k: Arc<BlockCsr<D>>,
     /// Blocks of D⁻¹.
@@ -153,7 +153,7 @@ pub fn results<B: Backend<Stored = f32>, const D: usize>(mut b: B, data: &Data<D
         let (mut rounded, mut d, mut z) =
             (b.level_vector(n)?, b.level_vector(n)?, b.level_vector(n)?);
         let mut state = b.state(&k, &x)?;
-        // A run that continues leaves x as it is.
+        // A run that continues leaves x unchanged.
         let mut kept = vector(b, &poison)?;
         b.copy(&x, &mut kept);
         let continues = Run {
@@ -353,7 +353,7 @@ fn runs_are_followed_as_on_the_cpu() {
                 assert_eq!(f.iterations, e.iterations, "{what}");
                 assert_eq!(f.recent_terms, e.recent_terms, "{what}");
                 assert_eq!((f.done, f.broken), (e.done, e.broken), "{what}");
-                // Directions lose their independence by rounding, which is another one.
+                // Directions lose their independence by rounding, which differs between the two.
                 let bound = match precision {
                     Precision::F64 => 1e-4,
                     Precision::F32 => 1e-2,

@@ -81,7 +81,7 @@ fn free_bodies_are_solved() {
         let gpu = Gpu::new(&context(precision, None)).or_panic();
         let found = solved(gpu, &k, &points, &b);
         println!("{found} iterations in {precision}, {on_cpu} on the CPU");
-        // Corrections in f32 start anew.
+        // Corrections in f32 restart.
         let limit = match precision {
             Precision::F64 => on_cpu + 1,
             Precision::F32 => 2 * on_cpu,
@@ -121,15 +121,15 @@ pub fn level_matrix<const R: usize, const C: usize>(
     BlockMatrix::new(&matrix, 1.0)
 }
 
-/// Everything that a V-cycle is made of, on random data in blocks of D, coarser ones of M: each result through CG's
-/// own door, since vectors of a level have no other way to the host.
+/// All parts of a V-cycle, on random data in blocks of D, coarser ones of M: each result through CG's own interface,
+/// because vectors of a level have no other way to the host.
 pub fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     b: &mut B,
     rows: usize,
     longest: usize,
 ) -> Result<Vec<Vec<f64>>, BackendError> {
     let mut random = Random((17 * rows + D) as u64);
-    // A state that is not done, of a run on vectors of the same length.
+    // An unfinished state, of a run on vectors of the same length.
     let n = rows * D;
     let k = BlockCsr::<D>::from_triplets(n, n, (0..n).map(|i| (i, i, 1.0)));
     let (k, _) = b.matrix(Arc::new(k))?;
@@ -277,7 +277,7 @@ fn corners(mesh: &Mesh<3>) -> Option<Vertices<3>> {
     vertices(&body, &Unknowns::new(mesh.nodes.iter().map(held).collect()))
 }
 
-/// Multigrid whose vectors exceed a binding gives what it gives in one piece, with patches as well.
+/// Multigrid whose vectors exceed a binding gives the same result as in one piece, with patches as well.
 #[test]
 fn multigrid_on_vectors_in_pieces() {
     let even = rectangle([0.0; 2], [3.0, 1.0], [45, 15], CellShape::Quad, "body", "");
@@ -397,7 +397,7 @@ fn a_body_in_space_is_solved() {
     }
 }
 
-/// Where there is room for K and not for its hierarchy, PCG goes on with block-Jacobi and says so.
+/// If there is memory for K but not for its hierarchy, PCG continues with block-Jacobi and reports it.
 #[test]
 fn without_room_for_multigrid_there_is_block_jacobi() {
     let problem = one_body(1);

@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 #[test]
-fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
+fn a_lost_device_falls_back_if_the_choice_is_open_and_else_is_a_clear_error() {
     let problem = one_body(1);
     let settings = NewtonSettings::default();
     let (expected, _) = solve(&problem, &EngineOptions::default(), &settings);
@@ -74,7 +74,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
             let text = error.to_string();
             assert!(text.contains("lost"), "{text}");
             assert_eq!(error.history.len(), 2, "the steps made are kept");
-            // What was reached is a start for another solve.
+            // The results so far can start another solve.
             let mut dual = DirectDual::new(&problem).or_panic();
             let start = WarmStart {
                 lambda: Some(&error.lambda),
@@ -89,7 +89,7 @@ fn a_lost_device_costs_an_open_choice_nothing_and_a_fixed_one_a_clear_error() {
     }
 }
 
-/// Wherever the device is lost, setting up included, the CPU goes on as `auto` would have begun there.
+/// Wherever the device is lost, including set-up, the CPU continues as `auto` would have begun there.
 #[test]
 fn a_device_lost_at_any_submission() {
     let problem = one_body(1);
@@ -125,9 +125,9 @@ fn a_device_lost_at_any_submission() {
     assert!(lost >= 10, "{lost}");
 }
 
-/// Every new load makes buffers of its own: what was bound to those before must not pile up over thousands of rounds.
+/// Every new load makes its own buffers: bindings of earlier ones must not accumulate over thousands of rounds.
 #[test]
-fn what_was_bound_to_dropped_buffers_is_forgotten() {
+fn bindings_of_dropped_buffers_are_dropped() {
     let problem = one_body(1);
     let context = context(Precision::F64, None);
     let gpu = Gpu::new(&context).or_panic();

@@ -1,4 +1,4 @@
-//! Contact problems on every path, and what they cost in launches.
+//! Contact problems on every path, and their costs in launches.
 
 use super::{context, one_body};
 use crate::common::Random;
@@ -85,13 +85,13 @@ fn every_path_solves_the_table() {
             let (found, costs) = solve(&problem, &options, &settings);
             let what = format!("{path}, k = {k}, β = {beta}");
             assert_eq!(found.status, Status::Converged, "{what}");
-            // Products that are only as exact as need be lead to the same point by a slightly other way.
+            // Products that are only as accurate as necessary lead to the same point by a slightly different path.
             let Info { iter, n_a, .. } = found.info;
             assert!(iter <= expected.info.iter + 6, "{what}: {iter}");
             assert!(n_a <= 2 * expected.info.n_a, "{what}: {n_a}");
 
-            // Both are that far from the solution; how far from each other is a matter of chance, and so is
-            // on which side of a bound a multiplier lies that is hardly off it.
+            // Both are that far from the solution; their distance from each other is a matter of chance, and so is the
+            // side of a bound for a multiplier that is hardly off it.
             let close = |f: usize, e: usize| f.abs_diff(e) <= 2;
             let sizes = |found: &Solution| found.sets.sizes(|i| problem.has_friction(i));
             let (f, e) = (sizes(&found), sizes(&expected));
@@ -104,7 +104,7 @@ fn every_path_solves_the_table() {
             let apart = |a: &[f64], b: &[f64]| crate::common::distance(a, b);
             assert!(apart(&found.u, &expected.u) < 1e-4, "{what}");
             assert!(apart(&found.lambda, &expected.lambda) < 1e-2, "{what}");
-            // CPU and GPU round the V-cycle otherwise, and no more.
+            // CPU and GPU differ only in the rounding of the V-cycle.
             if !path.ends_with("f32") {
                 let (iter_there, n_a_there) = *on_cpu.get_or_insert((iter, n_a));
                 assert!(
@@ -175,7 +175,8 @@ fn six_dispatches_per_iteration_of_block_jacobi_and_few_read_backs() {
         let iterations = after.solves.iterations - before.solves.iterations;
         let dispatches = after.device.dispatches - before.device.dispatches;
         let readbacks = after.device.readbacks - before.device.readbacks;
-        // Beside the iterations: Bᵀp, the start of CG in two, z and p in three, and Bx with each look at the progress.
+        // In addition to the iterations: Bᵀp, the start of CG in two, z and p in three, and Bx with each look at the
+        // progress.
         assert_eq!((dispatches - 6 - readbacks) % 6, 0);
         let issued = (dispatches - 6 - readbacks) / 6;
         assert!(
@@ -263,7 +264,7 @@ fn a_singular_matrix_is_an_error_of_the_problem() {
 
 /// Matrices and preconditioner of another K, and other rows, come to the device.
 #[test]
-fn an_engine_goes_on_with_another_problem_there() {
+fn an_engine_switches_to_another_problem_there() {
     use crate::updated::{check, plane, space};
     for (path, options) in paths().into_iter().filter(|(path, _)| path.contains("GPU")) {
         println!("{path}");

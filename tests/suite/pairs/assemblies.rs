@@ -15,7 +15,7 @@ use signorini::model::{Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 use std::f64::consts::PI;
 
-/// A block of one cell's shape whose nodes are moved.
+/// A block of one shape of cells with moved nodes.
 fn moved(
     name: &str,
     size: Vector,
@@ -29,7 +29,7 @@ fn moved(
     mesh
 }
 
-/// The resultant of the contact forces on the boundary that is named first.
+/// The resultant of the contact forces on the first-named boundary.
 fn resultant(answer: &Answer<3>) -> Vector {
     let mut sum = [0.0; 3];
     for i in 0..answer.m() {
@@ -129,7 +129,7 @@ fn press_fit_has_lames_pressure() {
             0.005,
         );
         compare(&format!("{name}, pressure"), force / area, lame(), of_mean);
-        // What the hub grows by outside: 2 p b² c/(E (c² − b²)).
+        // The growth of the hub outside: 2 p b² c/(E (c² − b²)).
         let nodes = &answer.built.elastic.mesh.nodes;
         let at = (nodes.iter().zip(answer.displacement()))
             .find(|(x, _)| length([x[0] - OUTSIDE, x[1], x[2]]) < 1e-9)
@@ -155,7 +155,7 @@ fn press_fit_has_lames_pressure() {
 
 /// μ p 2πb L, once all of it slips.
 #[test]
-fn press_fit_holds_what_friction_bears() {
+fn press_fit_holds_up_to_the_friction_limit() {
     let mu = 0.1;
     let options = on_the_cpu(1e-6, Stiffness::Cholesky);
     let answer = answer_by(press_fit([24, 18], Order::First, FITS[0], mu), &options);
@@ -272,8 +272,8 @@ fn wedge_in_space() {
     }
 }
 
-/// A block that nothing but its weight and friction holds on an elastic incline, turned about its own axis: it stays
-/// up to tan α = μ and slides beyond.
+/// A block that only its weight and friction hold on an elastic incline, turned about its own axis: it stays up to tan
+/// α = μ and slides beyond.
 #[test]
 fn a_block_slides_on_an_incline_from_the_angle_of_friction_on() {
     let material = Material {
@@ -373,7 +373,7 @@ fn a_block_in_a_corner_on_a_slab() {
                 if mu == 0.0 {
                     close(contact, [6e5, 5e5, 0.0], 10.0);
                 } else {
-                    // Walls take what the slab's friction leaves them, and rub along it.
+                    // Walls take the part that the slab's friction leaves them, and have friction along it.
                     assert!(contact[0] > 2.5e5 && contact[1] > 1.5e5, "{contact:?}");
                 }
             }

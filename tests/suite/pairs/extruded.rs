@@ -51,7 +51,7 @@ fn extruded(text: &str) -> String {
     if parts.is_empty() {
         parts.push(String::new());
     }
-    // Before the tables of the case that stand once.
+    // Before the tables that occur once in the case.
     let held = parts
         .iter()
         .map(|part| format!("\"{part}bottom\", \"{part}top\""));
@@ -80,7 +80,7 @@ fn wider(line: &str) -> String {
     made + &parts
 }
 
-/// What a contact place ends with.
+/// The final state of a contact place.
 struct Contact<const D: usize> {
     place: [f64; D],
     area: f64,
@@ -131,7 +131,7 @@ where
     let (data, solution) = last.expect("a case has a step");
     let contacts = (elastic.contact.places.iter().enumerate())
         .map(|(i, place)| {
-            // As they are: what is pooled for figures depends on the dimension.
+            // As they are: the pooling for figures depends on the dimension.
             let m = elastic.contact.places.len();
             let (frame, along) = (&place.frame, &solution.lambda[m + (D - 1) * i..][..D - 1]);
             let force = |c: usize| {
@@ -215,7 +215,7 @@ fn apart(name: &str, text: &str, tolerance: f64) -> Apart {
         apart.traction = (apart.traction).max((here.pressure - expected.pressure).abs().max(off));
         apart.sets += usize::from(here.separated != expected.separated);
         apart.sets += usize::from(here.slips != expected.slips);
-        // Half of the width to either layer; what both layers of the other side weigh is what its node weighs.
+        // Half of the width to either layer; both layers of the other side together have the weight of its node.
         apart.weights = apart
             .weights
             .max((here.area / (0.5 * WIDTH * expected.area) - 1.0).abs());
@@ -247,14 +247,14 @@ fn apart(name: &str, text: &str, tolerance: f64) -> Apart {
     apart
 }
 
-/// As [`apart`], of what has to be the same.
+/// Like [`apart`], for values that have to be equal.
 fn the_same(name: &str, text: &str) {
     let apart = apart(name, text, 1e-10);
     assert!(apart.u < 1e-7 && apart.traction < 1e-6);
     assert!(apart.weights < 1e-11 && apart.sets == 0);
 }
 
-/// A crooked block pressed and pushed on another one, over whose end it hangs.
+/// A crooked block pressed and pushed on another one, with an overhang.
 #[test]
 fn flat_faces_extruded() {
     for sides in [
@@ -283,7 +283,7 @@ fn greco_extruded() {
     the_same("GRECO", &published::greco(32));
 }
 
-/// Curved faces: the places that meet each other lie on a common normal, in space as in the plane.
+/// Curved faces: places that meet are on a common normal, in space as in the plane.
 #[test]
 fn hertz_extruded() {
     for (name, sides) in [

@@ -1,5 +1,4 @@
-//! The places of a pair do not depend on where it is, how it is turned, what its unit of length is, or how its nodes are
-//! numbered.
+//! The places of a pair do not depend on its position, rotation, unit of length, or numbering of nodes.
 
 use crate::common::Random;
 use crate::common::draw::generator;
@@ -31,7 +30,7 @@ impl<const D: usize> Motion<D>
 where
     ElementKind: Space<D>,
 {
-    /// The first ones are small shifts alone.
+    /// The first ones are only small shifts.
     fn random(random: &mut Random, number: usize, mesh: &Mesh<D>) -> Self {
         let is_small = number.is_multiple_of(4);
         let mut turn: [[f64; D]; D] =
@@ -346,8 +345,8 @@ fn pairs_of_space_may_be_anywhere() {
     );
 }
 
-/// The rows of N of a pair say nothing of a motion of both bodies as a whole, across a gap and between facets that do not fit
-/// either: pressures have no moment on it.
+/// The rows of N of a pair vanish for a motion of both bodies as a whole, even across a gap and between facets that do not
+/// fit: pressures have no moment on it.
 fn is_not_closed<const D: usize>(what: &str, mesh: &Mesh<D>)
 where
     ElementKind: Space<D>,

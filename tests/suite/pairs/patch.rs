@@ -32,7 +32,7 @@ fn solid(shape: Shape, from: Vector, size: Vector, cells: [usize; 3], name: &str
         Shape::Of(shape) => return of(shape),
         Shape::Both => SolidShape::Hexahedron,
     };
-    // The nodes are the same; edges between the halves, too, as wedges stand upright.
+    // The nodes are the same, and so are edges between the halves, because wedges are upright.
     let (mut mesh, wedges) = (of(shape), of(SolidShape::Wedge));
     let half = from[0] + size[0] * (cells[0] / 2) as f64 / cells[0] as f64;
     let nodes = mesh.nodes.clone();
@@ -103,7 +103,7 @@ fn strain(stress: [Vector; 3]) -> [Vector; 3] {
     })
 }
 
-/// What holds the sides of a contact together.
+/// The force that holds the sides of a contact together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Law {
     None,
@@ -111,7 +111,7 @@ enum Law {
     Coulomb,
 }
 
-/// The least resultant and the least moment that the contact forces of a pair have, relative to what they are made of.
+/// The least resultant and the least moment of the contact forces of a pair, relative to their terms.
 fn unbalance(answer: &Answer<3>) -> [f64; 2] {
     let nodes = &answer.built.elastic.mesh.nodes;
     let (mut resultant, mut moment) = ([0.0; 3], [0.0; 3]);
@@ -132,9 +132,9 @@ fn unbalance(answer: &Answer<3>) -> [f64; 2] {
     [length(resultant) / forces, length(moment) / moments]
 }
 
-/// A block that is cut in two and everywhere under the same stress is as if it were whole: displacement, stress, and the
-/// traction of each contact node. The upper part is held by the contact alone where there is friction; the whole is
-/// turned by a rotation.
+/// A block that is cut in two and under the same stress everywhere behaves as if it were whole: displacement, stress,
+/// and the traction of each contact node. The upper part is held by the contact alone where there is friction; the whole
+/// is turned by a rotation.
 fn patch(
     (mesh, normal): (Mesh<3>, Vector),
     sides: [&str; 2],
@@ -143,7 +143,7 @@ fn patch(
     stiffness: Stiffness,
 ) -> f64 {
     let stress = match law {
-        // Pressure alone on the cut, and another one along it.
+        // Only pressure on the cut, and another one along it.
         Law::None => std::array::from_fn(|j| {
             std::array::from_fn(|i| {
                 let along = if i == j { 1.0 } else { 0.0 } - normal[i] * normal[j];
@@ -314,7 +314,7 @@ fn patch_tests(meshes: &[Sides]) {
     }
 }
 
-/// A block that hangs over on two sides, turned and pushed: what is covered of the faces bears all of the load, nothing
+/// A block that hangs over on two sides, turned and pushed: the covered part of the faces bears the whole load, nothing
 /// is lost between the bodies, and the pair turns neither of them.
 #[test]
 fn partly_covered_faces_hand_on_all_force() {
@@ -359,7 +359,7 @@ fn partly_covered(orders: [Order; 2]) {
                 .material(RUBBER)
                 .support(Support::on("low-bottom").fixed())
                 .contact(pair);
-            // Without friction something else has to bear what pushes along the face.
+            // Without friction something else has to bear the push along the face.
             let whole = match law {
                 Law::Coulomb => 3,
                 _ => 1,
@@ -411,7 +411,7 @@ fn partly_covered(orders: [Order; 2]) {
             sinks.push(sink);
         }
     }
-    // It matters little which side is named first.
+    // The result hardly depends on which side is named first.
     for law in [0, 1] {
         assert!((sinks[law] / sinks[2 + law] - 1.0).abs() < 0.1, "{sinks:?}");
     }

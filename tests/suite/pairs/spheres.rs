@@ -26,7 +26,7 @@ const A: f64 = 0.1;
 /// Approach: a²/R with R half of the radius.
 const APPROACH: f64 = 2.0 * A * A / RADIUS;
 
-/// What is meshed of the x and y axes: both sides of them, or a half up to a plane of symmetry.
+/// The meshed part of the x and y axes: both sides of them, or a half up to a plane of symmetry.
 #[derive(Clone, Copy)]
 struct Extent {
     both: [bool; 2],
@@ -114,7 +114,7 @@ fn part(
     mesh
 }
 
-/// Two blocks with what is prescribed far away, for the upper and the lower one; planes of symmetry are held besides.
+/// Two blocks with prescribed displacements far away, for the upper and the lower one; planes of symmetry are held too.
 fn spheres(
     parts: [Mesh<3>; 2],
     extent: Extent,
@@ -137,7 +137,7 @@ fn spheres(
     model
 }
 
-/// What Hertz's pressure on a sphere below makes, of the upper sphere if `side` is positive.
+/// The displacement under Hertz's pressure on a sphere below, for the upper sphere if `side` is positive.
 fn pressed(material: Material, side: f64, [x, y, z]: Vector) -> Vector {
     // The mirror image.
     let [u, v, w] =
@@ -150,7 +150,7 @@ fn force(material: Material) -> f64 {
     4.0 / 3.0 * 0.5 * modulus(material) * A.powi(3) / (0.5 * RADIUS)
 }
 
-/// The resultant of the contact forces on the boundary that is named first, and their moment about the z axis.
+/// The resultant of the contact forces on the first-named boundary, and their moment about the z axis.
 fn resultant(answer: &Answer<3>) -> (Vector, f64) {
     let (mut sum, mut moment) = ([0.0; 3], 0.0);
     for i in 0..answer.m() {
@@ -272,7 +272,7 @@ fn hertz_spheres_finely() {
 const CORK: Material = Material::new(2e11, 0.0);
 
 /// Pressed together, then pushed sideways: c/a = (1 − Q/(μP))^(1/3), q = μ p₀ (√(1 − r²/a²) − c/a √(1 − r²/c²)) along x,
-/// δ = 3μP/(16a) · 2 (2 − ν)/G · (1 − (c/a)²). The push is two thirds of what slips.
+/// δ = 3μP/(16a) · 2 (2 − ν)/G · (1 − (c/a)²). The push is two thirds of the sliding limit.
 fn cattaneo(shapes: [(SolidShape, Order); 2], across: [usize; 2], sides: [&str; 2]) {
     let extent = Extent {
         both: [true, false],
@@ -287,7 +287,7 @@ fn cattaneo(shapes: [(SolidShape, Order); 2], across: [usize; 2], sides: [&str; 
     };
     let shift = shift_of(force(CORK), push, A);
     let c = A * (1.0 - ratio).cbrt();
-    // Two of Hertz's ellipses: μ p on a, less what the stick zone takes off it.
+    // Two of Hertz's ellipses: μ p on a, minus the part of the stick zone.
     let [whole, inner] = [mu * force(CORK), mu * force(CORK) * (1.0 - ratio)];
     let dragged = move |side: f64, [x, y, z]: Vector| -> Vector {
         let along = |force: f64, radius: f64| {
@@ -332,7 +332,7 @@ fn cattaneo(shapes: [(SolidShape, Order); 2], across: [usize; 2], sides: [&str; 
     let p0 = 1.5 * p / (PI * a * a);
     let stuck = a * (1.0 - q / (mu * p)).cbrt();
     compare(&format!("{name}, δ_t"), shift, shift_of(p, q, a), 0.01);
-    // In the stick zone what is left of the bound is half an ellipsoid of radius c.
+    // In the stick zone the rest of the bound is half an ellipsoid of radius c.
     let (mut stuck_nodes, mut aside) = (Vec::new(), 0.0f64);
     for i in 0..answer.m() {
         let (place, f) = (answer.place(i), answer.friction(i));
@@ -397,7 +397,7 @@ fn torsion(
         let far = [1.0, -1.0].map(|side| {
             move |x: Vector| {
                 let (n, t) = (pressed(STEEL, side, x), under_a_torque(STEEL, torque, x));
-                // The far parts turn by half of the angle each, less what the torque leaves behind there.
+                // The far parts turn by half of the angle each, minus the part of the torque there.
                 let turn = side * 0.5 * angle;
                 [
                     n[0] - turned * (turn * x[1] + side * t[0]),
@@ -426,7 +426,7 @@ fn torsion(
 #[test]
 #[ignore = "takes a minute"]
 fn torsion_without_slip() {
-    // Slip at the edge, where the traction is singular, is smaller than an element: a grid that is fine there.
+    // Slip at the edge, where the traction is singular, is smaller than an element: the grid is fine there.
     let angle = 1e-5;
     let (_, p, moment) = torsion(HEXAHEDRA, [10, 8], true, 10.0, angle);
     let cube = 0.75 * p * 0.5 * RADIUS / (0.5 * modulus(STEEL));

@@ -1,7 +1,7 @@
-//! Blocks that lie on two others: statics leaves open what each of these bears, so that whether all of it can stand is asked of
-//! forces at the corners of the common areas, which are not negative and balance each block, by a least-squares problem of
-//! its own. Friction may help where pillars lean outwards like an arch: it stands where vertical forces alone balance
-//! all, and it falls where not even friction without a bound does.
+//! Blocks on two others: statics leaves open how much each of these bears. Whether all blocks are held is decided by forces at
+//! the corners of the common areas, which are not negative and balance each block, from a separate least-squares problem.
+//! Friction may help where pillars lean outwards like an arch: the structure is held if vertical forces alone balance all, and
+//! it falls if not even friction without a bound does.
 
 use super::common_area::{Area, Point, common, middle, size};
 use super::scene::{Body, Fate, Interface, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path};
@@ -11,15 +11,15 @@ use crate::common::space::cross;
 use signorini::mesh::ElementKind;
 use signorini::model::Pair;
 
-/// The areas are so much smaller or larger where it shall be clear that all stands or falls.
+/// The areas are smaller or larger by this much where it must be clear that all blocks are held or fall.
 const CLEAR: f64 = 0.02;
-/// The least part of the forces that is left where they do not balance; beside rounding.
+/// The least part of the forces that is left if they do not balance, compared with rounding.
 const LEFT: f64 = 1e-6;
 const MU: f64 = 0.5;
 /// Common areas smaller than this are not asked for.
 const AREA: f64 = 0.1;
 
-/// The upper and the lower body of a contact, None for the table, what they have in common, and how high that is.
+/// The upper and the lower body of a contact, None for the table, their common area, and its height.
 struct Joint {
     upper: usize,
     lower: Option<usize>,
@@ -97,7 +97,7 @@ fn solved(columns: &[Vec<f64>], free: &[usize], b: &[f64]) -> Vec<f64> {
             }
         }
         r[j][j] = dot(&column, &column).sqrt();
-        // What depends on the others has no part.
+        // A dependent one has no part.
         let scale = if r[j][j] > 1e-12 { 1.0 / r[j][j] } else { 0.0 };
         q.push(column.iter().map(|c| c * scale).collect());
     }
@@ -292,7 +292,7 @@ where
 }
 
 #[test]
-fn bridges_stand_and_fall() {
+fn bridges_hold_and_fall() {
     let mut tally = Tally::default();
     bridges::<2>(41, 10, &mut tally);
     bridges::<3>(42, 10, &mut tally);
@@ -301,7 +301,7 @@ fn bridges_stand_and_fall() {
 
 #[test]
 #[ignore = "takes some minutes"]
-fn two_hundred_bridges_stand_and_fall() {
+fn two_hundred_bridges_hold_and_fall() {
     let seed = number("STATICS_SEED").unwrap_or(1000);
     let mut tally = Tally::default();
     bridges::<2>(seed, 100, &mut tally);

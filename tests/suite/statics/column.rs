@@ -75,7 +75,7 @@ fn a_plate_on_a_column_bears_no_more_torque_than_its_corners() {
         "known of a square"
     );
     let most = MU * WEIGHT * SIDE * 0.5f64.sqrt();
-    // What uniform pressure bears that slips everywhere; the elastic one is larger near the border.
+    // The torque of a uniform pressure with slip everywhere; the elastic pressure is larger near the border.
     let plenty = MU * WEIGHT * mean_lever();
     let mut tally = Tally::default();
     for (number, cells) in [3, 5, 9].into_iter().enumerate() {
@@ -88,7 +88,8 @@ fn a_plate_on_a_column_bears_no_more_torque_than_its_corners() {
                     "{cells} × {cells} facets, {plate_first}, {stiffness:?}, {torque:.1} N m"
                 );
                 let found = end(scene.model().traction(load), &options(stiffness));
-                // Beyond all bounds there is no solution; whether that is told from not getting on does not matter here.
+                // Beyond all bounds there is no solution; whether that is distinguished from stagnation does not matter
+                // here.
                 let result =
                     found.and_then(|(status, _)| match (status == Status::Converged) == holds {
                         true => Ok(()),
@@ -112,7 +113,7 @@ fn a_plate_on_a_column_bears_no_more_torque_than_its_corners() {
     tally.end();
 }
 
-/// The torque that is held, to a hundredth of the most that statics allows: the figures of docs/validation.md.
+/// The torque that is held, to a hundredth of the limit of statics: the figures of docs/validation.md.
 #[test]
 #[ignore = "prints figures, some minutes"]
 fn torques_held() {

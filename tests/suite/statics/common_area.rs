@@ -1,4 +1,4 @@
-//! What two boxes on each other have in common, seen from above: a convex polygon, in the plane an interval.
+//! The common area of two boxes on each other, seen from above: a convex polygon, in the plane an interval.
 
 /// A place seen from above; in the plane the second coordinate is zero.
 pub type Point = [f64; 2];
@@ -6,7 +6,7 @@ pub type Point = [f64; 2];
 /// The corners of a convex polygon, counter-clockwise; two of them are an interval along x, the lower end first.
 pub type Area = Vec<Point>;
 
-/// The part of the polygon `a` that lies in the convex polygon `b` (Sutherland and Hodgman); empty where there is none.
+/// The part of the polygon `a` inside the convex polygon `b` (Sutherland and Hodgman); empty if there is none.
 pub fn common(a: &Area, b: &Area) -> Area {
     if a.len() == 2 {
         let (low, high) = (a[0][0].max(b[0][0]), a[1][0].min(b[1][0]));
@@ -37,18 +37,18 @@ fn edges(area: &Area) -> impl Iterator<Item = (Point, Point)> + '_ {
     (0..area.len()).map(|k| (area[k], area[(k + 1) % area.len()]))
 }
 
-/// How far a point lies to the left of the line from one point to another.
+/// The distance of a point to the left of the line from one point to another.
 fn side(from: Point, to: Point, point: Point) -> f64 {
     let [along, way] = [to, point].map(|end| [end[0] - from[0], end[1] - from[1]]);
     (along[0] * way[1] - along[1] * way[0]) / along[0].hypot(along[1]).max(f64::MIN_POSITIVE)
 }
 
-/// How far inside of an area a point lies, from its border; negative outside.
+/// The distance of a point inside an area from its border; negative outside.
 pub fn depth(area: &Area, point: Point) -> f64 {
     match area.len() {
         0 => f64::NEG_INFINITY,
         2 => (point[0] - area[0][0]).min(area[1][0] - point[0]),
-        // Clipping leaves corners that coincide: sides of no length say nothing.
+        // Clipping leaves corners that coincide: sides without length mean nothing.
         _ => edges(area)
             .filter(|(x, y)| (x[0] - y[0]).hypot(x[1] - y[1]) > 1e-12)
             .map(|(x, y)| side(x, y, point))
@@ -56,7 +56,7 @@ pub fn depth(area: &Area, point: Point) -> f64 {
     }
 }
 
-/// The mean of the corners, which lies inside.
+/// The mean of the corners, which is inside.
 pub fn middle(area: &Area) -> Point {
     [0, 1].map(|c| area.iter().map(|x| x[c]).sum::<f64>() / area.len() as f64)
 }
@@ -76,7 +76,7 @@ pub fn size(area: &Area) -> f64 {
 #[test]
 fn common_areas_are_those_known() {
     let square = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    // A square that stands on its corner in the middle of a side.
+    // A square on its corner in the middle of a side.
     let turned = vec![[0.5, 0.5], [1.0, 1.0], [0.5, 1.5], [0.0, 1.0]];
     let half = common(&turned, &square);
     assert!((size(&half).powi(2) - 0.25).abs() < 1e-15);

@@ -1,5 +1,5 @@
 //! Needles, thinner and thinner, driven into one facet of a block or bearing it: whatever part of the facet they cover, each
-//! bears what balances.
+//! bears the force that balances.
 
 use super::common_area::{Point, depth};
 use super::scene::{
@@ -18,7 +18,8 @@ const WIDTHS: [f64; 7] = [0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 /// How far a needle is driven, in m. It strains the thinnest ones by a hundred and more, which a linear theory does not
 /// mind.
 const DRIVEN: f64 = 1e-3;
-/// The block is so much stiffer that it sinks by 1e-3 of that at most: as p w/E, a few times, beside 4 p w/E of the needle.
+/// The block is so much stiffer that it sinks by 1e-3 of that at most: a few times p w/E, compared with 4 p w/E of the
+/// needle.
 const STIFFER: f64 = 1e4;
 const SUNK: f64 = 1e-3;
 /// The block's lowest corner, so that no needle is in the middle of a facet or symmetric to another; facets of 1.
@@ -37,7 +38,7 @@ where
     slab
 }
 
-/// A needle whose middle stands there, four times as high as it is wide, with its end at 0.
+/// A needle with its middle at this point, four times as high as it is wide, with its end at 0.
 fn needle<const D: usize>(
     name: &str,
     middle: Point,
@@ -64,8 +65,8 @@ where
     needle
 }
 
-/// The force of the contacts that lie in a needle, and the area that they stand for. Whether each of them presses is not
-/// asked: a needle of one element with five places knows only what they bear together.
+/// The force of the contacts inside a needle, and their area. The sign of each force is not checked: a needle of one
+/// element with five places determines only their sum.
 fn borne<const D: usize>(scene: &Scene<D>, answer: &Answer<D>, needle: &Body<D>) -> [f64; 2]
 where
     ElementKind: Solid<D>,
@@ -137,7 +138,7 @@ where
     near("the force in the section", force, all, 1e-6)?;
     near("the force", force, pressure * section, SUNK)?;
     near("the area in contact", area, section, 1e-6)?;
-    // Where an end has more places than nodes, only what they bear together is known.
+    // If an end has more places than nodes, only their sum is known.
     let nodes = (needle.cells[0] + 1).pow(D as u32 - 1);
     (0..answer.m())
         .filter(|&i| answer.m() <= nodes && answer.solution.lambda[i] > 0.0)
@@ -151,7 +152,7 @@ where
         })
 }
 
-/// Iterations cannot tell such unlike sizes of bodies as well.
+/// Iterations cannot resolve such unlike sizes of bodies as well.
 fn way(width: f64, random: &mut Random) -> Stiffness {
     if width < 1e-3 {
         Stiffness::Cholesky
@@ -188,12 +189,13 @@ fn needles_driven_into_a_facet_in_space() {
     all_driven::<3>(22);
 }
 
-/// Where two needles stand under one facet, from −0.43 to 0.57 (across it at −0.57 … 0.43), and the weight between them.
+/// The positions of two needles under one facet, from −0.43 to 0.57 (across it at −0.57 … 0.43), and of the weight
+/// between them.
 const TWO: [Point; 2] = [[-0.25, 0.0], [0.33, 0.0]];
 const BETWEEN: Point = [0.0, 0.0];
 
-/// A slab on two needles of unequal height under one facet of it: the law of the lever, up to what the resultant on each
-/// needle may be off its middle; and none of the force between the needles.
+/// A slab on two needles of unequal height under one facet of it: the law of the lever, up to the offset of the
+/// resultant on each needle from its middle; and none of the force between the needles.
 fn on_two<const D: usize>(width: f64, slab_first: bool, random: &mut Random) -> Result<(), String>
 where
     ElementKind: Solid<D>,
@@ -277,6 +279,6 @@ fn a_slab_on_two_needles_under_one_facet() {
 
 #[test]
 fn a_slab_on_two_needles_under_one_facet_in_space() {
-    // Thinner ones have next to no moment across the way from one to the other, beside the slab's size.
+    // Thinner ones have almost no moment perpendicular to the line between them, compared with the slab's size.
     all_on_two::<3>(24, &[0.3, 0.1, 1e-2, 1e-3]);
 }

@@ -47,8 +47,8 @@ where
     mesh
 }
 
-/// How far nodal pressures and stresses are off, relative to the pressure. `floating`: the right lower half is pressed up
-/// with the same pressure in place of a support.
+/// The errors of nodal pressures and stresses, relative to the pressure. `floating`: the right lower half is pressed up
+/// with the same pressure instead of a support.
 fn patch<const D: usize>(
     cuts: [[f64; 2]; 2],
     upper_first: bool,
@@ -108,7 +108,8 @@ where
         .fold(0.0, f64::max))
 }
 
-/// What a stress is beside a pressure along the upright axis; in the plane what acts across it is none of the contact's.
+/// The difference of a stress from a pressure along the upright axis; in the plane the stress across it is not caused by
+/// the contact.
 fn off<const D: usize>(s: Stress, frame: &Frame<D>) -> Vec<f64> {
     let found = [[s.xx, s.xy, s.zx], [s.xy, s.yy, s.yz], [s.zx, s.yz, s.zz]];
     let along = |v: [f64; D]| std::array::from_fn(|i| (0..D).map(|j| found[i][j] * v[j]).sum());
@@ -131,8 +132,8 @@ fn tolerance(stiffness: Stiffness) -> f64 {
     }
 }
 
-/// What pressures may be off by where cuts run askew: measured 4e-7 on the factor, 4e-6 by PCG, and the same where the end of
-/// a solve asks for twenty times more accurate forces: rows of B that are almost the same share forces that no gap tells apart.
+/// The allowed error of pressures where cuts run askew: measured 4e-7 on the factor, 4e-6 by PCG, and the same if the end of a
+/// solve requires twenty times more accurate forces: almost equal rows of B share forces that no gap distinguishes.
 fn askew(stiffness: Stiffness) -> f64 {
     match stiffness {
         Stiffness::Cholesky => 1e-6,
@@ -157,8 +158,8 @@ where
                     "{D} dimensions, cuts {cuts:?}, upper first: {upper_first}, floating: {floating}, {stiffness:?}"
                 );
                 let result = patch::<D>(cuts, upper_first, floating, stiffness, &mut random);
-                // A hundred times what was asked for. Where cuts that run askew cross, four bodies meet in a point, and
-                // nearby places share their forces as A is conditioned.
+                // A hundred times the tolerance. Where cuts that run askew cross, four bodies meet in a point, and
+                // nearby places share their forces by the condition of A.
                 let is_askew = D == 3 && cuts[0][1] != 0.0;
                 let limit = if is_askew {
                     askew(stiffness)

@@ -1,5 +1,5 @@
-//! Plates that hang over the edge or a corner of a table: they stand while the resultant of what weighs on them lies
-//! above what they have in common with it, and fall beyond.
+//! Plates that hang over the edge or a corner of a table: they are held while the resultant of the weights on them is
+//! above the common area with the table, and fall beyond.
 
 use super::common_area::{Point, common, middle};
 use super::scene::{
@@ -9,10 +9,10 @@ use crate::common::Random;
 use crate::common::draw::generator;
 use signorini::mesh::ElementKind;
 
-/// How far inside or outside of the border the resultant lies, as a part of the plate's length.
+/// The distance of the resultant from the border, inside or outside, as a part of the plate's length.
 const NEAR: f64 = 1e-3;
 
-/// A plate on a table that is held from below, with its weight somewhere: with friction, or guided without it.
+/// A plate on a table that is held from below, with its weight at some position: with friction, or guided without it.
 fn plate_on_table<const D: usize>(
     table: Body<D>,
     plate: Body<D>,
@@ -36,7 +36,7 @@ where
     let mu = if guided { 0.0 } else { MU };
     let scene = Scene {
         frame: frames[if guided { 0 } else { random.below(2) }],
-        // What gravity pulls needs no other load.
+        // Gravity needs no other load.
         loads: if plate.density > 0.0 {
             Vec::new()
         } else {
@@ -66,7 +66,7 @@ fn near_the_border<const D: usize>(
     let centre = middle(&area);
     let n = area.len();
     let length = plate.size[..D - 1].iter().copied().fold(0.0, f64::max);
-    // Each of them in turn, from any on.
+    // Each of them in turn, starting anywhere.
     let first = random.below(2 * n);
     for target in (first..first + targets).map(|k| k % (2 * n)) {
         let (a, b) = (area[target / 2], area[(target / 2 + 1) % n]);
@@ -104,7 +104,7 @@ fn near_the_border<const D: usize>(
     }
 }
 
-/// Over an edge, which cuts facets of the plate of size `cell` at the fraction `cut` of them; its other end lies within facets of
+/// Over an edge, which cuts facets of the plate of size `cell` at the fraction `cut` of them; its other end is within facets of
 /// the table.
 fn over_an_edge(cell: f64, cut: f64, random: &mut Random, tally: &mut Tally) {
     let length = 3.0;
@@ -112,7 +112,7 @@ fn over_an_edge(cell: f64, cut: f64, random: &mut Random, tally: &mut Tally) {
     let whole = (0.5 * length / cell).round();
     let plate = Body::new("plate", [-(whole + cut) * cell, 0.0], [length, 0.3], cell);
     let name = format!("edge, facets of {cell}, cut at {cut}");
-    // Both ends of what is common.
+    // Both ends of the common part.
     near_the_border(&name, &table, &plate, 4, random, tally);
 }
 
@@ -168,8 +168,8 @@ fn plates_over_edges() {
     tally.end();
 }
 
-/// As above, where the table ends right behind a node of the plate, or right before one: what is covered of that facet, or
-/// is not, is a sliver.
+/// As above, where the table ends right after a node of the plate, or right before one: the covered part of that facet, or
+/// the uncovered one, is a sliver.
 #[test]
 fn plates_over_edges_with_slivers() {
     let (mut random, mut tally) = (generator(2), Tally::default());

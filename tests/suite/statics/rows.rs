@@ -8,7 +8,7 @@ use signorini::mesh::ElementKind;
 use signorini::model::Built;
 use signorini::sparse::Csr;
 
-/// What is left of resultant and moment, relative to what they are made of.
+/// The remainder of resultant and moment, relative to their terms.
 const LEFT: f64 = 1e-10;
 
 /// The largest resultant and the largest moment of a row, relative to the forces on nodes and to these times their

@@ -1,5 +1,5 @@
-//! Boxes on each other, of the plane and of space alike, with vertical loads whose resultants are known, and what has to
-//! come of them.
+//! Boxes on each other, in the plane and in space alike, with vertical loads whose resultants are known, and the
+//! expected results.
 
 use super::common_area::{Area, Point, depth, size};
 use crate::common::Random;
@@ -14,14 +14,14 @@ use signorini::model::{BodyForce, Model, Pair, Quantity, Support};
 use signorini::solve::SolveOptions;
 use signorini::ssnm::Status;
 
-/// The modulus of all that is not said to be softer or stiffer.
+/// The modulus of all bodies that are not softer or stiffer on purpose.
 pub const YOUNG: f64 = 1e9;
 /// A strain that loads are made to cause: a pressure in the common area is that part of the modulus.
 pub const STRAIN: f64 = 1e-4;
-/// Of friction, where nothing is said of it.
+/// The default coefficient of friction.
 pub const MU: f64 = 0.3;
 
-/// An orthonormal frame: what was along axis c is along column c.
+/// An orthonormal frame: axis c becomes column c.
 pub type Frame<const D: usize> = [[f64; D]; D];
 
 pub fn turned<const D: usize>(frame: &Frame<D>, v: [f64; D]) -> [f64; D] {
@@ -40,7 +40,7 @@ pub fn plan<const D: usize>(x: [f64; D]) -> Point {
     }
 }
 
-/// What the plane and space do differently.
+/// The differences between the plane and space.
 pub trait Solid<const D: usize>: Space<D> {
     /// The shapes of elements that there are, by number.
     const SHAPES: usize;
@@ -122,7 +122,7 @@ pub struct Body<const D: usize> {
     pub angle: f64,
     pub young: f64,
     pub poisson: f64,
-    /// What gravity pulls, of 1 m/s².
+    /// The density, under a gravity of 1 m/s².
     pub density: f64,
 }
 
@@ -201,7 +201,7 @@ where
         let model = model.support(Support::at_point(first).x(0.0));
         match D {
             2 => model,
-            // Across the way from one corner to the other, whichever axis that is nearer to.
+            // Perpendicular to the line from one corner to the other, whichever axis that is nearer to.
             _ if (second[0] - first[0]).abs() > (second[1] - first[1]).abs() => model
                 .support(Support::at_point(first).y(0.0))
                 .support(Support::at_point(second).y(0.0)),
@@ -244,8 +244,8 @@ pub struct Scene<const D: usize> {
     pub pairs: Vec<Pair<D>>,
     /// Boundaries that are held, and where they are moved to.
     pub held: Vec<(String, [f64; D])>,
-    /// Bodies that are kept from sliding at corners of their tops, in a scene that is not turned: as nothing pushes them,
-    /// that bears neither force nor moment.
+    /// Bodies that are kept from sliding at corners of their tops, in a scene that is not rotated: because nothing pushes
+    /// them, these supports bear neither force nor moment.
     pub guided: Vec<usize>,
 }
 
@@ -314,7 +314,7 @@ where
     }
 }
 
-/// What is tried with a scene beside the scene itself, from a stream of random numbers.
+/// The variations of a scene, from a stream of random numbers.
 pub fn path(random: &mut Random) -> Stiffness {
     [Stiffness::Cholesky, Stiffness::Pcg][random.below(2)]
 }
@@ -323,7 +323,7 @@ pub fn options(stiffness: Stiffness) -> SolveOptions {
     on_the_cpu(1e-7, stiffness)
 }
 
-/// The end of a model with one load step: what it has come to, or in words why there is nothing.
+/// The end of a model with one load step: its result, or the reason why it has none.
 pub fn end<const D: usize>(
     model: Model<D>,
     options: &SolveOptions,
@@ -346,26 +346,26 @@ where
     Ok((answer.solution.status, answer))
 }
 
-/// What has to come of a scene by statics.
+/// The expected result of a scene by statics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fate {
     Stands,
     Falls,
 }
 
-/// A pair of a scene: whether the upper body is named first, what bears, and the resultant handed down.
+/// A pair of a scene: whether the upper body is named first, the bearing areas, and the transferred resultant.
 #[derive(Clone, Debug)]
 pub struct Interface {
     pub upper_first: bool,
-    /// What the upper body has in common with each of those that it lies on.
+    /// The common area of the upper body with each of those below it.
     pub areas: Vec<Area>,
-    /// In all, or where statics does not say it a force that is as large as any there.
+    /// In total, or, if statics leaves it open, a force as large as any there.
     pub force: f64,
     /// None where statics leaves the resultant open.
     pub at: Option<Point>,
 }
 
-/// Solves a scene, and compares what comes of it.
+/// Solves a scene, and compares the result.
 pub fn judge<const D: usize>(
     scene: &Scene<D>,
     interfaces: &[Interface],
@@ -387,7 +387,7 @@ where
     }
 }
 
-/// A contact force below this part of the load is none, and so much of it may a resultant be off by.
+/// A contact force below this part of the load counts as zero, and a resultant may be off by as much.
 const SMALL: f64 = 1e-6;
 /// A place counts as inside an area up to this part of its size, and up to the rounding of coordinates, which are of the
 /// order of one and are turned and projected.
@@ -413,7 +413,7 @@ where
         } = interface;
         let extent = areas.iter().map(size).fold(0.0, f64::max);
         let about = at.unwrap_or([0.0; 2]);
-        // What stands far from the origin, or is small, has its moment about the place of the resultant.
+        // A scene far from the origin, or a small one, has its moment about the position of the resultant.
         let (mut sum, mut moment) = ([0.0; D], [0.0; 2]);
         for i in (0..answer.m()).filter(|&i| answer.built.elastic.pair_of[i] as usize == number) {
             let (place, force) = scene.contact(answer, i);
@@ -457,10 +457,10 @@ where
     Ok(())
 }
 
-/// What is said of a case that has no answer in the time and the steps that it is given.
+/// The words for a case without an answer within its time and steps.
 const NO_ANSWER: &str = "and ends with";
 
-/// Counts cases, and keeps what is wrong with some until all have been tried.
+/// Counts cases, and keeps the errors of some until all have been tried.
 #[derive(Default)]
 pub struct Tally {
     cases: usize,

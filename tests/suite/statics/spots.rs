@@ -47,7 +47,7 @@ where
                 let place = direction.map(|d| 0.5 * width * part * d);
                 let force = STRAIN * YOUNG * width.powi(D as i32 - 1);
                 let [upper, lower] = if below { [slab, foot] } else { [foot, slab] };
-                // Iterations cannot tell such unlike sizes of bodies as well.
+                // Iterations cannot resolve such unlike sizes of bodies as well.
                 let stiffness = if width < 1e-3 {
                     Stiffness::Cholesky
                 } else {
@@ -107,6 +107,6 @@ fn slabs_balanced_on_a_foot() {
 
 #[test]
 fn slabs_balanced_on_a_foot_in_space() {
-    // On a millionth in and out differ by 1e-8 of the slab: less than the factors of K tell.
+    // On a millionth, inside and outside differ by 1e-8 of the slab: less than the factors of K resolve.
     spots::<3>(true, 14, &WIDTHS[..6]);
 }

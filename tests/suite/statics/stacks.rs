@@ -1,5 +1,5 @@
-//! Random stacks of blocks that hang over each other and over the table: each interface hands down the weight of all that is
-//! above it, so that a stack stands exactly if at each the resultant of that weight lies in what the two have in common.
+//! Random stacks of blocks that hang over each other and over the table: each interface transfers the weight of everything
+//! above it, so a stack is held exactly if at each interface the resultant of that weight is inside the common area.
 
 use super::common_area::{common, depth, size};
 use super::scene::{Body, Fate, Interface, STRAIN, Scene, Solid, Tally, YOUNG, judge, pair, path};
@@ -9,7 +9,7 @@ use signorini::mesh::ElementKind;
 
 /// How far from the border of the common area resultants are at least, as a part of its size.
 const CLEAR: f64 = 0.01;
-/// Common areas smaller than this, beside blocks of about 1, are not asked for.
+/// Common areas smaller than this, for blocks of about 1, are not required.
 const AREA: f64 = 0.1;
 /// High enough that nothing slides.
 const MU: f64 = 0.5;
@@ -100,7 +100,7 @@ where
         }
     }
 
-    /// Whether all that lie on each other have some area in common.
+    /// Whether all neighbours have some common area.
     pub fn touches(&self) -> bool {
         self.interfaces.iter().all(|i| size(&i.areas[0]) > AREA)
     }
@@ -120,7 +120,7 @@ where
     }
 }
 
-/// As many stacks as that, half of them standing.
+/// As many stacks as that, half of them held.
 fn stacks<const D: usize>(seed: u64, cases: u64, tally: &mut Tally)
 where
     ElementKind: Solid<D>,
@@ -144,7 +144,7 @@ where
 }
 
 #[test]
-fn stacks_stand_and_fall() {
+fn stacks_hold_and_fall() {
     let mut tally = Tally::default();
     stacks::<2>(0, 20, &mut tally);
     stacks::<3>(0, 20, &mut tally);
@@ -153,7 +153,7 @@ fn stacks_stand_and_fall() {
 
 #[test]
 #[ignore = "takes some minutes"]
-fn a_thousand_stacks_stand_and_fall() {
+fn a_thousand_stacks_hold_and_fall() {
     let seed = number("STATICS_SEED").unwrap_or(1000);
     // Bodies that fall may give up without saying that nothing holds them.
     let mut tally = Tally::default();

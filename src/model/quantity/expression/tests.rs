@@ -8,7 +8,7 @@ fn value(text: &str, x: f64, y: f64) -> f64 {
 }
 
 #[test]
-fn expressions_mean_what_they_say() {
+fn expressions_evaluate_correctly() {
     assert_eq!(value("-x^2", 3.0, 0.0), -9.0);
     assert_eq!(value("2*(-x^2)", 3.0, 0.0), -18.0);
     assert_eq!(value("2*-x", 3.0, 0.0), -6.0);
@@ -103,7 +103,7 @@ fn nesting_ends_in_an_error() {
     for text in ["(", "-", "2^", "sin(", "max(1,", "1+(", "1-"] {
         let deep = format!("{}x", text.repeat(100_000));
         match Expression::<2>::parse(&deep) {
-            // A chain that is evaluated as it goes is no nesting.
+            // A chain that is evaluated as it goes does not nest.
             Ok(_) => assert_eq!(text, "1-"),
             Err(error) => assert!(
                 error.contains("nested too deeply") && error.len() < 300,
@@ -111,7 +111,7 @@ fn nesting_ends_in_an_error() {
             ),
         }
     }
-    // What is allowed is also evaluated.
+    // An accepted expression can also be evaluated.
     let deepest = format!("{}x{}", "(".repeat(DEPTH - 1), ")".repeat(DEPTH - 1));
     assert_eq!(value(&deepest, 2.0, 0.0), 2.0);
     let powers = format!("{}x", "1^".repeat(DEPTH - 1));
@@ -128,7 +128,7 @@ fn space_has_a_third_coordinate() {
     let told = |text: &str| value(text).expect_err("it is wrong");
     assert!(told("w").ends_with("only the coordinates x, y and z vary"));
     assert!(told("1 + Z").ends_with("column 5: unknown name \"Z\": did you mean \"z\"?"));
-    // In the plane it is no name, and none that is proposed.
+    // In the plane z is not a name, and is not proposed.
     let plane = Expression::<2>::parse("Z").expect_err("it is wrong");
     assert!(
         plane.ends_with("only the coordinates x and y vary"),
@@ -191,7 +191,7 @@ impl Tree {
         }
     }
 
-    /// With brackets only where another tree would be meant without: where this one binds less than it has to.
+    /// With brackets only where the tree would change without them: where this operator binds less than required.
     fn terse(&self, least: u8) -> String {
         let (binds, text) = match self {
             Self::Number(value) => (5, format!("{value:e}")),

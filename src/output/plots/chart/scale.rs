@@ -1,4 +1,4 @@
-//! Round numbers along an axis, and where they stand.
+//! Round numbers along an axis, and their positions.
 
 use super::Axis;
 use crate::mesh::vector::bounds;
@@ -8,7 +8,7 @@ pub struct Scale {
     low: f64,
     high: f64,
     logarithmic: bool,
-    /// What labels are divided by.
+    /// The divisor of labels.
     unit: f64,
     start: f64,
     end: f64,
@@ -162,7 +162,7 @@ mod tests {
             let found = nice(step);
             assert!((found / round - 1.0).abs() < 1e-12, "{step}: {found}");
         }
-        // What rounding has left above a round number is that number.
+        // A number that exceeds a round number only by rounding is that number.
         assert!((nice(0.1 + 0.2 - 0.1) - 0.2).abs() < 1e-15);
         assert_eq!([6, -12].map(power_of_ten), ["10⁶", "10⁻¹²"]);
     }

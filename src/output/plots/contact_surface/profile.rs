@@ -1,4 +1,4 @@
-//! What is met along a line of a contact surface.
+//! The fields along a line of a contact surface.
 
 use super::{Scene, along};
 use crate::mesh::vector::bounds;
@@ -15,7 +15,7 @@ pub(super) fn profile(scene: &Scene, developed: &Developed, axis: usize) -> Char
     let ((low, high), _) = scene.range(developed);
     let line = line(scene, developed, axis, peak, [low[axis], high[axis]]);
     let (length, stress) = (&scene.elastic.units.length, scene.elastic.units.stress());
-    // The first word is what it is called.
+    // The first word is its name.
     let called = |label: &str| label.split(' ').next().map(str::to_owned);
     let [along, other] = [axis, across].map(|c| called(&developed.labels[c]).unwrap_or_default());
     // Without the rounding of coordinates.
@@ -26,11 +26,11 @@ pub(super) fn profile(scene: &Scene, developed: &Developed, axis: usize) -> Char
     line.chart(title, x, &stress, scene.has_friction, false)
 }
 
-/// Where a line meets the border of a triangle: the place, pressure, tangential traction and slip bound there, and the
-/// nearest contact node.
+/// The intersection of a line with the border of a triangle: the place, pressure, tangential traction and slip bound
+/// there, and the nearest contact node.
 type Cut = (f64, [f64; 3], usize);
 
-/// What is met along a coordinate in a range, where the other one has this value.
+/// The fields along a coordinate in a range, where the other one has this value.
 fn line(scene: &Scene, developed: &Developed, axis: usize, value: f64, range: [f64; 2]) -> Line {
     // A line along the upper border has no triangle above it.
     let (low, high) = bounds(developed.triangles.iter().flat_map(|(at, _)| *at));
@@ -57,7 +57,7 @@ fn line(scene: &Scene, developed: &Developed, axis: usize, value: f64, range: [f
     line
 }
 
-/// Where a line goes into a triangle of contact nodes, and out of it.
+/// The points where a line enters a triangle of contact nodes, and leaves it.
 fn cuts(
     scene: &Scene,
     at: &[[f64; 2]; 3],

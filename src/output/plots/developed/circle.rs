@@ -1,13 +1,13 @@
-//! The circle that points of the plane lie on.
+//! The circle through points of the plane.
 
 use crate::dense::least_squares;
 use crate::mesh::vector::{dot, minus};
 use faer::Mat;
 
-/// The nodes of what is unrolled lie this near a circle, as a part of its radius.
+/// The largest distance of nodes from a circle for unrolling, as a part of its radius.
 const ROUND: f64 = 0.05;
 
-/// The centre and radius of the circle that points lie on, if they do.
+/// The centre and radius of the circle through points, if they are on one.
 pub(super) fn circle(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
     if points.len() < 4 {
         return None;

@@ -9,8 +9,8 @@ use crate::stiffness::amg::{patches, product};
 /// A block of space: K, f and the points of its blocks.
 type Solid = (BlockCsr<3>, Vec<f64>, Vec<[f64; 3]>);
 
-/// A block of equal cells, each coordinate then moved by `map`, clamped on a side and loaded on its top (below where that
-/// is clamped); `materials` lie in layers across z.
+/// A block of equal cells, each coordinate then moved by `map`, clamped on a side and loaded on its top (or below, if the
+/// top is clamped); `materials` are in layers across z.
 fn solid(
     size: [f64; 3],
     cells: [usize; 3],
@@ -150,7 +150,7 @@ fn rows_are_aggregated_in_fives_and_pairs_are_joined() {
     let row = chain(&[1.0; 9]);
     let groups = aggregate(&row, &row, false, |_| false);
     assert_eq!(groups.of_node, [0, 0, 0, 1, 1, 1, 1, 1, 1, 1]);
-    // Two nodes that are tied weakly to a row, to which they are no strong neighbours, and one that is alone.
+    // Two nodes that are tied weakly to a row, whose strong neighbours they are not, and one without ties.
     let ties = chain(&[1.0, 1.0, 1.0, 0.1, 1.0, 0.01]);
     let strong = ties.filtered(|_, _, tie| tie == 1.0);
     let groups = aggregate(&ties, &strong, false, |i| i == 6);
@@ -213,7 +213,7 @@ fn patches_are_inverted() {
     assert_eq!(lengths, [1, 1, 2, 2]);
 }
 
-/// What a hierarchy costs and brings, as a line of a table.
+/// The costs and benefits of a hierarchy, as a line of a table.
 fn measured<const D: usize>(name: &str, k: &BlockCsr<D>, f: &[f64], points: Option<&[[f64; D]]>) {
     forget_peak_memory();
     let before = peak_memory_mib().unwrap_or(0.0);

@@ -16,9 +16,9 @@ use std::collections::BTreeMap;
 /// An answer that was there before the problem.
 pub struct Known {
     pub lambda: Vec<f64>,
-    /// What rounding of f and d does to pressures and tractions at most; None where that was too much to find out.
+    /// The largest effect of rounding of f and d on pressures and tractions; None if that was too expensive to compute.
     pub blur: Option<f64>,
-    /// What violations as small as promised do to them, as A is conditioned.
+    /// The effect of permitted violations on them, under the condition of A.
     pub loose: f64,
 }
 
@@ -39,7 +39,7 @@ pub fn known(random: &mut Random) -> Problem {
     let mut u: Vec<f64> = (0..n)
         .map(|i| size * random.between(-1.0, 1.0) / matrix.scales[i])
         .collect();
-    // What each node does.
+    // The state of each node.
     let laws: Vec<char> = (0..m)
         .map(|i| match tangential[i].is_empty() {
             true => 'n',
@@ -80,7 +80,7 @@ pub fn known(random: &mut Random) -> Problem {
     };
     let own = |row: &Row| row.iter().map(|&(j, v)| v * v / diagonal[j]).sum::<f64>();
     let level = decade(random, -2.0, 2.0);
-    // Forces that are alike, or such that each moves its node alike.
+    // Equal forces, or forces that move their nodes equally.
     let alike = chance(random, 0.5);
     let typical = {
         let mut all: Vec<f64> = normal
@@ -218,8 +218,8 @@ pub fn known(random: &mut Random) -> Problem {
     }
 }
 
-/// What rounding of f and d does to the pressures and tractions that are not on a bound, and what violations of 10 ε do;
-/// None and infinity for large problems.
+/// The effect of rounding of f and d on the pressures and tractions that are not on a bound, and that of violations of
+/// 10 ε; None and infinity for large problems.
 pub fn sensitivity(problem: &ContactProblem, u: &[f64], lambda: &[f64]) -> (Option<f64>, f64) {
     let (n, m) = (problem.stiffness().n_rows(), problem.m());
     if n > 200 || m == 0 {
@@ -267,7 +267,7 @@ pub fn sensitivity(problem: &ContactProblem, u: &[f64], lambda: &[f64]) -> (Opti
             image
         })
         .collect();
-    // In units of the own compliance, so that singularity can be told.
+    // In units of the own compliance, so that singularity can be detected.
     let own: Vec<f64> = (rows.iter().zip(&images))
         .map(|(row, image)| along(row, image).sqrt())
         .collect();

@@ -9,7 +9,7 @@ use signorini::problem::{ContactData, ContactProblem};
 use signorini::quasistatic::Load;
 use signorini::sparse::{BlockCsr, Csr};
 
-/// A matrix K, with what a change of variables has done to it.
+/// A matrix K, with the change of variables applied to it.
 pub struct Matrix {
     pub name: String,
     pub n: usize,
@@ -37,7 +37,7 @@ pub fn matrix(random: &mut Random) -> Matrix {
     let scales: Vec<f64> = (0..n).map(|_| decade(random, -spread, spread)).collect();
     let kind = pick(random, &["springs", "springs", "AtA", "bars"]);
     let mut entries = Vec::new();
-    // A neighbour that is not far, so that factors stay sparse.
+    // A near neighbour, so that factors stay sparse.
     let near = |random: &mut Random, i: usize, n: usize| {
         let j = (i + 1 + random.below(6)).min(n - 1);
         if n <= 60 && chance(random, 0.3) {
@@ -102,11 +102,11 @@ pub struct Rows {
     pub name: String,
     pub normal: Vec<Row>,
     pub tangential: Vec<Row>,
-    /// What turns multipliers into pressures that can be compared.
+    /// The areas that turn multipliers into comparable pressures.
     pub areas: Vec<f64>,
 }
 
-/// N and T with full row rank: each row has a pivot of its own, which is dominant; or pairs of pivots are turned.
+/// N and T with full row rank: each row has its own dominant pivot, or pairs of pivots are rotated.
 pub fn contact_rows(random: &mut Random, matrix: &Matrix, m: usize) -> Rows {
     let n = matrix.n;
     let mut order: Vec<usize> = (0..n).collect();
@@ -140,7 +140,7 @@ pub fn contact_rows(random: &mut Random, matrix: &Matrix, m: usize) -> Rows {
         if alone {
             rows[1].clear();
         }
-        // A node has units of its own, which its area makes good.
+        // A node has its own units, which its area compensates.
         let unit = if units {
             decade(random, -2.0, 2.0)
         } else {
