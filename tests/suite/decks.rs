@@ -529,7 +529,10 @@ fn tables_of_pressures_are_sums_of_linear_laws() {
     }
     for (points, what) in [
         ("0,0\n10,0.001\n15,0.002\n", "must not become softer"),
-        ("1,0\n10,0.001\n", "increase with the overclosure, from 0 on"),
+        (
+            "1,0\n10,0.001\n",
+            "increase with the overclosure, from 0 on",
+        ),
         ("0,0\n", "increase with the overclosure, from 0 on"),
         (
             "0,0\n10\n",
