@@ -362,7 +362,7 @@ fn data_may_be_in_other_files() {
         (
             "main.inp",
             "*INCLUDE, INPUT=mesh/nodes.txt\n*NODE\n",
-            "main.inp: there are no elements",
+            "main.inp: it contains no elements",
         ),
     ] {
         let path = place.path().join(name);
