@@ -314,6 +314,17 @@ impl Engine {
         Ok(())
     }
 
+    /// Whether K is positive definite, as far as the factor or conjugate gradients with a load at random tell.
+    pub(crate) fn is_definite(&mut self) -> Result<bool, EngineError> {
+        Ok(match &mut self.path {
+            // There would be no factor.
+            Path::Cholesky(_) => true,
+            Path::Cpu(dual) => dual.is_definite()?,
+            #[cfg(feature = "gpu")]
+            Path::Gpu(dual, _) => dual.is_definite()?,
+        })
+    }
+
     /// How often the data that depends on K was set up.
     pub fn set_ups(&self) -> SetUps {
         self.set_ups

@@ -9,6 +9,7 @@ use crate::contact::Space;
 use crate::dual::DualError;
 use crate::engine::{Engine, EngineError};
 use crate::mesh::ElementKind;
+use crate::mesh::vector::minus;
 use crate::model::{
     Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
 };
@@ -30,24 +31,22 @@ const CUTS: i32 = 8;
 const PRESSED: f64 = 0.1;
 /// What of the violation an inner problem is solved to: less takes twice the iterations.
 const INNER: f64 = 0.01;
-/// Where a tangent is not definite, what helps in this order: to leave out how contact forces turn; to let contact that presses be as
-/// stiff as the bodies; ever more stiffness everywhere.
-const HELP: [Help; 7] = {
-    const fn help(turning: bool, held: f64, shift: f64) -> Help {
+/// Where a tangent is not definite, what helps in this order: to leave out how pressures and contact forces turn; to let contact that
+/// presses be as stiff as the bodies, and a hundred times stiffer; to leave out stresses that soften.
+const HELP: [Help; 5] = {
+    const fn help(turning: bool, held: f64) -> Help {
         Help {
             turning,
             held,
-            shift,
+            stiffened: false,
         }
     }
     [
-        help(true, 0.0, 0.0),
-        help(false, 0.0, 0.0),
-        help(false, 1.0, 0.0),
-        help(false, 1.0, 1e-6),
-        help(false, 1.0, 1e-4),
-        help(false, 1.0, 1e-2),
-        help(false, 1.0, 1.0),
+        help(true, 0.0),
+        help(false, 0.0),
+        help(false, 1.0),
+        help(false, 100.0),
+        Help::MOST,
     ]
 };
 
@@ -254,6 +253,9 @@ where
                     })
                     .collect(),
             };
+            now.step = (displacement.iter().zip(&now.displacement))
+                .map(|(new, old)| minus(*new, *old))
+                .collect();
             now.displacement = displacement;
             now.normals.clone_from(&at.normals);
         }
@@ -269,25 +271,33 @@ where
         now: &Deformation<D>,
         at: &Configuration<D>,
     ) -> Result<bool, Error> {
-        // Stiff contact on top of all that turns: what is left to give way goes along the obstacles.
-        let closed = Help {
-            turning: true,
-            held: 1e3,
-            shift: 0.0,
-        };
         let mut is_definite =
             |at: &Configuration<D>| match self.engine.update(&at.problem).map_err(Error::from) {
-                Ok(()) => Ok(true),
+                _ if at.is_replaced => Ok(false),
+                Ok(()) => Ok(self.engine.is_definite()?),
                 Err(error) if is_indefinite(&error) => Ok(false),
                 Err(error) => Err(error),
             };
         if is_definite(at)? {
             return Ok(true);
         }
-        let closed = self
-            .elastic
-            .configuration(before, moments, now, false, closed)?;
-        is_definite(&closed)
+        // Pressures up to a free edge are not conservative, and the symmetric part of their turn may be indefinite where bodies are stable.
+        let turning = [true, false]
+            .into_iter()
+            .take(1 + usize::from(self.elastic.has_pressures()));
+        for turning in turning {
+            // Stiff contact on top of all that turns: what is left to give way goes along the obstacles.
+            let closed = Help {
+                turning,
+                held: 1e3,
+                stiffened: false,
+            };
+            let closed = (self.elastic).configuration(before, moments, now, false, closed)?;
+            if is_definite(&closed)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// What is known at the end of a load step, for results.
@@ -372,6 +382,7 @@ where
         }
         let mut time = end - 1.0;
         let mut last: Option<Reached<D>> = None;
+        let mut parts = 0;
         let mut failed = None;
         while time < end {
             let to_time = if time + longest > end - 1e-9 {
@@ -384,6 +395,7 @@ where
             match process.step(&before, [&from, &to], &mut watch)? {
                 Ok(reached) => {
                     before.clone_from(&reached.settled);
+                    parts += 1;
                     if reached.iterations <= EASY {
                         longest = (1.5 * longest).min(1.0);
                     }
@@ -432,6 +444,7 @@ where
             data: Some(&data),
             solution,
             displaced: Some(Arc::new(built)),
+            parts: parts.max(1),
         };
         if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
             return Ok(());

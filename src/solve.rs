@@ -90,6 +90,8 @@ where
     pub solution: StepSolution<D>,
     /// With large displacements, the bodies at their final positions, with the contact problem there.
     pub displaced: Option<Arc<Built<D>>>,
+    /// Into how many parts it was divided, where displacements are large, as Newton's method did not come to its end at once.
+    pub parts: usize,
 }
 
 impl<const D: usize> Analysis<'_, D>
@@ -250,6 +252,7 @@ where
             data: data.as_ref(),
             solution,
             displaced: None,
+            parts: 1,
         };
         if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
             break;

@@ -263,6 +263,7 @@ where
             data: analysis.step(step)?.as_ref(),
             solution: solution.clone(),
             displaced: None,
+            parts: 1,
         })?;
     }
     if let Some(error) = &run.report.error {

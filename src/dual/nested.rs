@@ -1,6 +1,6 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
-use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side};
+use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side, scatter};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase, Vertices};
@@ -108,6 +108,19 @@ pub struct NestedDual<B: Backend> {
 }
 
 impl<B: Backend> NestedDual<B> {
+    /// Whether conjugate gradients meet no direction without stiffness while they solve for a load at random.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub fn is_definite(&mut self) -> Result<bool, PcgError> {
+        let load = scatter(self.b.n_cols());
+        // A soft direction has a part of 1/√n in the load: it counts up to 1e12 unknowns.
+        match (self.pcg).solve(&load, &mut vec![0.0; load.len()], 1e-6, &Stop::default()) {
+            Err(error) if error.is_indefinite() => Ok(false),
+            outcome => outcome.map(|()| true),
+        }
+    }
+
     /// Moves the problem to the backend.
     pub fn new<const D: usize>(
         problem: &ContactProblem<D>,

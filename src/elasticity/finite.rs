@@ -10,15 +10,22 @@
 //! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected (`dilatation.rs`),
 //! ϑ is, in the same way: ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of linear elasticity. In plane stress
 //! the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law finds the stretch of the thickness.
+//!
+//! The stresses in a tangent are those that the last of Newton's steps predicted, as if E (ϑ of neo-Hooke's law) had been linear in
+//! it: the actual ones have the square of the step times the stiffest modulus of a thin or incompressible body in them, and
+//! Newton's method follows that back and forth. The residual has the actual ones. (Magisano, Leonetti and Garcea, Advantages of the
+//! mixed format in geometrically nonlinear analysis of beams and shells using solid finite elements, 2017.)
 
 use super::assembly::rows_of;
 use super::{
     Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
 };
+use crate::dense::symmetric_eigen;
 use crate::mesh::shape::{Point, cofactors, sum, tangents};
 use crate::mesh::vector::dot;
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::BlockCsr;
+use faer::Mat;
 use rayon::prelude::*;
 use std::array::from_fn;
 
@@ -34,6 +41,10 @@ where
     pub displacement: &'a [[f64; D]],
     /// How much warmer they are; None: nowhere.
     pub temperature: Option<Temperature<'a, D>>,
+    /// What the last of Newton's steps has moved every node by, for the stresses in the tangent; None: nothing.
+    pub step: Option<&'a [[f64; D]]>,
+    /// Whether the tangent is without what stresses soften.
+    pub stiffened: bool,
 }
 
 /// The moduli of an element, of the plane or of space.
@@ -116,24 +127,27 @@ impl Law {
         ln
     }
 
-    /// At a point of an element at rest whose nodes move by u; `stretch` is that of warmth.
+    /// At a point of an element at rest whose nodes have moved by u, the last time by `step`; `stretch` is that of warmth.
     fn strained<const D: usize, const N: usize>(
         &self,
         point: &Point<D, N>,
         hoop: f64,
-        u: &[[f64; D]; N],
+        [u, step]: [&[[f64; D]; N]; 2],
         stretch: f64,
     ) -> Strained<D, N> {
         let gradient = point.gradient.map(|g| g.map(|v| v / stretch));
         let round_axis = point.shape.map(|shape| shape * hoop / stretch);
         let f = deformation(&gradient, u, stretch);
         let mut across = 1.0 / stretch + sum(&round_axis, u)[0];
-        let (cofactors, det) = cofactors(f);
+        let (inverse, det) = cofactors(f);
         let left = from_fn(|i| from_fn(|j| dot(f[i], f[j])));
         let right = transposed(&f);
         let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
         let has_across = D == 2 && self.plane != Plane::PlaneStress;
         let pushed = gradient.map(|g| times(&f, &g));
+        // What the last step has changed of F, column by column, and of the stretch across.
+        let moved = tangents(&gradient, step);
+        let moved_across = sum(&round_axis, step)[0];
         let (mut lambda, mut s, mut s_across) = (self.lambda, [[0.0; D]; D], 0.0);
         let (theta, p, round);
         match self.kind {
@@ -145,17 +159,31 @@ impl Law {
                     let square = 2.0 * self.mu * across * across;
                     lambda = square * self.lambda / (self.lambda + square);
                 } else {
-                    theta = if D == 2 { det * across } else { det }.ln();
+                    // F before it, and its inverse transposed times det F.
+                    let before: [[f64; D]; D] = from_fn(|i| from_fn(|j| f[i][j] - moved[j][i]));
+                    let (turned, det) = cofactors(before);
+                    let first: f64 = (0..D)
+                        .map(|j| {
+                            let column: [f64; D] = from_fn(|i| turned[i][j]);
+                            dot(column, moved[j])
+                        })
+                        .sum();
+                    let across = across - moved_across;
+                    theta = if D == 2 { det * across } else { det }.ln()
+                        + first / det
+                        + if D == 2 { moved_across / across } else { 0.0 };
                 }
-                p = gradient.map(|g| times(&cofactors, &g).map(|v| v / det));
+                p = gradient.map(|g| times(&inverse, &g).map(|v| v / det));
                 round = round_axis.map(|h| h / across);
             }
             Hyperelastic::StVenantKirchhoff => {
-                let e = |i: usize, j: usize| 0.5 * (right[i][j] - f64::from(u8::from(i == j)));
+                let e = |i: usize, j: usize| {
+                    0.5 * (right[i][j] - f64::from(u8::from(i == j)) - dot(moved[i], moved[j]))
+                };
                 s = from_fn(|i| from_fn(|j| 2.0 * self.mu * e(i, j)));
                 let mut trace: f64 = (0..D).map(|c| e(c, c)).sum();
                 if has_across {
-                    let e_across = 0.5 * (across * across - 1.0);
+                    let e_across = 0.5 * (across * across - 1.0 - moved_across * moved_across);
                     trace += e_across;
                     s_across = 2.0 * self.mu * e_across;
                 } else if D == 2 {
@@ -197,6 +225,36 @@ impl<const D: usize, const N: usize> Strained<D, N> {
         if kind == Hyperelastic::StVenantKirchhoff {
             (0..D).for_each(|c| self.s[c][c] += self.q);
             self.s_across += self.q;
+        }
+    }
+
+    /// Leaves out stresses that make the tangent softer: of St. Venant–Kirchhoff's law those that press; of neo-Hooke's law what of
+    /// q − μ weighs more against tr (F⁻¹ ∂F)² ≥ −|∂F|²/σ² than half of μ |∂F|² for it, σ the least stretch.
+    fn stiffen(&mut self, law: &Law) {
+        let eigen = |m: &[[f64; D]; D]| symmetric_eigen(&Mat::from_fn(D, D, |i, j| m[i][j]));
+        match law.kind {
+            Hyperelastic::NeoHooke => {
+                let least = eigen(&self.left).map_or(0.0, |(values, _)| values[0]);
+                let across = if D == 2 {
+                    self.across * self.across
+                } else {
+                    least
+                };
+                let most = 0.5 * law.mu * least.min(across).max(0.0);
+                self.q = self.q.clamp(law.mu - most, law.mu + most);
+            }
+            Hyperelastic::StVenantKirchhoff => {
+                self.s_across = self.s_across.max(0.0);
+                self.s = eigen(&self.s).map_or([[0.0; D]; D], |(values, vectors)| {
+                    from_fn(|i| {
+                        from_fn(|j| {
+                            let part =
+                                |k: usize| values[k].max(0.0) * vectors[(i, k)] * vectors[(j, k)];
+                            (0..D).map(part).sum()
+                        })
+                    })
+                });
+            }
         }
     }
 
@@ -299,6 +357,7 @@ pub(super) struct Finite<'a, const D: usize, const N: usize> {
     law: Law,
     x: [[f64; D]; N],
     u: [[f64; D]; N],
+    step: [[f64; D]; N],
     /// The projection, with κ times the part of ϑ that each of its functions has.
     projected: Option<(Dilatation<D, N>, [f64; 4])>,
     region: u32,
@@ -343,9 +402,11 @@ where
         if dilatation.is_some() {
             (law.lambda, law.bulk) = (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu);
         }
+        let at_nodes = |all: &[[f64; D]]| from_fn(|a| all[element.nodes()[a] as usize]);
         let mut made = Self {
             law,
-            u: from_fn(|a| of.displacement[element.nodes()[a] as usize]),
+            u: at_nodes(of.displacement),
+            step: of.step.map_or([[0.0; D]; N], at_nodes),
             x,
             projected: None,
             region: element.region,
@@ -367,6 +428,9 @@ where
         });
         for (at, point) in strained.iter_mut().zip(&points) {
             at.close(law.kind, made.projected_at(point.place(&x)));
+            if of.stiffened {
+                at.stiffen(&law);
+            }
         }
         (made, strained)
     }
@@ -385,7 +449,8 @@ where
         let place = point.place(&self.x);
         let warmth = (self.temperature).map_or(0.0, |at| at(self.region, place));
         let stretch = 1.0 + self.expansion * warmth;
-        (self.law).strained(point, self.law.plane.hoop(place), &self.u, stretch)
+        let hoop = self.law.plane.hoop(place);
+        (self.law).strained(point, hoop, [&self.u, &self.step], stretch)
     }
 
     /// κ π ϑ at a place.
@@ -590,18 +655,34 @@ pub struct Resistance<const D: usize = 2> {
     pub energy: f64,
 }
 
-impl<const D: usize> Deformed<'_, D>
+impl<'a, const D: usize> Deformed<'a, D>
 where
     ElementKind: Topology<D>,
 {
+    /// Bodies whose nodes have moved.
+    pub fn new(
+        body: &'a Body<'a, D>,
+        displacement: &'a [[f64; D]],
+        temperature: Option<Temperature<'a, D>>,
+    ) -> Self {
+        Self {
+            body,
+            displacement,
+            temperature,
+            step: None,
+            stiffened: false,
+        }
+    }
+
     /// The nodal forces that hold the bodies where they are, and their strain energy.
     pub fn resistance(&self) -> Resistance<D> {
         let moduli = self.body.moduli();
         let elements = &self.body.mesh.elements;
+        let of = Self::new(self.body, self.displacement, self.temperature);
         let each: Vec<Resisting<D>> = (elements.par_iter())
             .map(|element| {
                 element.kind().with(Forces {
-                    of: self,
+                    of: &of,
                     element,
                     moduli: &moduli,
                 })

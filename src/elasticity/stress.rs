@@ -171,11 +171,7 @@ where
             (modes, amplitudes)
         });
         let finite = self.large.then(|| {
-            let of = Deformed {
-                body,
-                displacement: self.displacement,
-                temperature: self.temperature,
-            };
+            let of = Deformed::new(body, self.displacement, self.temperature);
             Finite::of::<E, Q>(&of, self.element)
         });
         let stress_at = |xi: [f64; D]| {

@@ -22,7 +22,8 @@ use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology, facet_nodes};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, Scales};
 use crate::quasistatic::{Load, State, lawful};
-use crate::sparse::norm;
+use crate::rounding::ROUNDING;
+use crate::sparse::{norm, norm_max};
 use crate::ssnm::Sets;
 use std::array::from_fn;
 
@@ -46,6 +47,8 @@ pub(crate) struct Moment<const D: usize> {
 pub(crate) struct Deformation<const D: usize> {
     /// Of every node.
     pub displacement: Vec<[f64; D]>,
+    /// What of it the last iteration has added.
+    pub step: Vec<[f64; D]>,
     /// What each place presses and rubs its obstacle with, along the axes.
     pub forces: Vec<[f64; D]>,
     /// The direction towards the obstacle that goes with it.
@@ -59,12 +62,21 @@ pub(crate) struct Deformation<const D: usize> {
 /// How a tangent that is not definite is helped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Help {
-    /// Whether contact forces that turn with their obstacle have a part in it.
+    /// Whether pressures and contact forces that turn with their surface have a part in it.
     pub turning: bool,
     /// What of the mean stiffness of an unknown contact that presses is as stiff as: no other solution, as it is closed there.
     pub held: f64,
-    /// What of it is added to all unknowns: other steps to the same solution.
-    pub shift: f64,
+    /// Whether stresses that soften bodies have no part in it: it is definite then, and steps are short where these matter.
+    pub stiffened: bool,
+}
+
+impl Help {
+    /// As much as there is.
+    pub const MOST: Self = Self {
+        turning: false,
+        held: 0.0,
+        stiffened: true,
+    };
 }
 
 /// Bodies somewhere between one load step and the next, with the contact problem about what is still to be moved.
@@ -78,6 +90,10 @@ pub(crate) struct Configuration<const D: usize> {
     /// All forces that act on nodes but those of contact and supports.
     pub outer: Vec<[f64; D]>,
     scales: Scales,
+    /// Whether an unknown had no stiffness in the tangent that was asked for, and [`Help::MOST`] took its place.
+    pub is_replaced: bool,
+    /// What rounding leaves of forces.
+    rounding: f64,
     /// λ, in the rows of the problem.
     pub lambda: Vec<f64>,
     /// What slip each place has had since the last load step.
@@ -193,6 +209,12 @@ impl<const D: usize> Elastic<D>
 where
     ElementKind: Space<D>,
 {
+    /// Whether there are pressures, which follow their surface.
+    pub(crate) fn has_pressures(&self) -> bool {
+        let mut tractions = self.definition.tractions.iter();
+        tractions.any(|traction| traction.pressure.is_some())
+    }
+
     /// The common load factor at a time: 1 is the end of the first load step.
     pub(crate) fn factor(&self, time: f64) -> f64 {
         self.definition.factor(&None, time)
@@ -239,6 +261,7 @@ where
         });
         Deformation {
             displacement: vec![[0.0; D]; self.mesh.nodes.len()],
+            step: vec![[0.0; D]; self.mesh.nodes.len()],
             forces: zeros(),
             normals: places.iter().map(|(place, _)| place.frame[0]).collect(),
             feet: feet.collect(),
@@ -332,14 +355,14 @@ where
     ) -> Result<Configuration<D>, ModelError> {
         let (body, u) = (self.body(), &now.displacement);
         let field = |region: u32, x: [f64; D]| to.temperature.at(region, x);
+        let temperature = (!to.temperature.is_none()).then_some(&field as Temperature<D>);
         let deformed = Deformed {
-            body: &body,
-            displacement: u,
-            temperature: (!to.temperature.is_none()).then_some(&field as Temperature<D>),
+            step: Some(&now.step),
+            ..Deformed::new(&body, u, temperature)
         };
         let resistance = deformed.resistance();
-        let (mut outer, mut blocks) = (to.dead.clone(), Vec::new());
-        self.pressures(to, u, &mut outer, &mut blocks)?;
+        let (mut outer, mut turning) = (to.dead.clone(), Vec::new());
+        self.pressures(to, u, &mut outer, &mut turning)?;
 
         let met = self.meeting(before, [from, to], now, first)?;
         // Contact forces of both turn with the directions towards obstacles.
@@ -353,25 +376,41 @@ where
         let contact = contact_rows(&body, &to.unknowns, &met.places).map_err(failed)?;
         let left = to.unknowns.left_of(u);
 
-        let mut stiffness = deformed.tangent(&to.unknowns);
-        let mean = {
-            let diagonal = stiffness.diagonal();
-            diagonal.iter().sum::<f64>() / diagonal.len() as f64
-        };
-        let driven = self.helped(help, mean, &forces, &met, &mut blocks);
         let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
-        let mut held = tangent_forces(&deformed, &still);
-        for ([a, b], block) in &blocks {
-            for (force, row) in held[*a as usize].iter_mut().zip(block) {
-                *force += dot(*row, still[*b as usize]);
+        let tangent = |help: Help| {
+            let deformed = Deformed {
+                stiffened: help.stiffened,
+                ..deformed
+            };
+            let mut stiffness = deformed.tangent(&to.unknowns);
+            let diagonal = stiffness.diagonal();
+            let mean = diagonal.iter().sum::<f64>() / diagonal.len() as f64;
+            let mut blocks = if help.turning {
+                turning.clone()
+            } else {
+                Vec::new()
+            };
+            let driven = self.helped(help, mean, &forces, &met, &mut blocks);
+            let mut held = tangent_forces(&deformed, &still);
+            for ([a, b], block) in &blocks {
+                for (force, row) in held[*a as usize].iter_mut().zip(block) {
+                    *force += dot(*row, still[*b as usize]);
+                }
+                let rows = [a, b].map(|node| to.unknowns.block(*node));
+                if let [Some(row), Some(column)] = rows
+                    && let Some(value) = stiffness.block_mut(row as usize, column as usize)
+                {
+                    add_block(&to.unknowns, [*a, *b], block, value);
+                }
             }
-            let rows = [a, b].map(|node| to.unknowns.block(*node));
-            if let [Some(row), Some(column)] = rows
-                && let Some(value) = stiffness.block_mut(row as usize, column as usize)
-            {
-                add_block(&to.unknowns, [*a, *b], block, value);
-            }
+            (stiffness, held, driven)
+        };
+        let mut made = tangent(help);
+        let is_replaced = help != Help::MOST && made.0.diagonal().iter().any(|v| !(*v > 0.0));
+        if is_replaced {
+            made = tangent(Help::MOST);
         }
+        let (stiffness, held, driven) = made;
         let net: Vec<[f64; D]> = (0..u.len())
             .map(|i| from_fn(|c| outer[i][c] + driven[i][c] - resistance.forces[i][c] - held[i][c]))
             .collect();
@@ -394,6 +433,16 @@ where
             }
         }
         let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
+        // What rounding of places leaves of the forces on each node, by the stiffness of the node.
+        let rounding = ROUNDING
+            * norm(
+                &(stiffness.diagonal().chunks_exact(D).enumerate())
+                    .map(|(block, k)| {
+                        let node = to.unknowns.node(block) as usize;
+                        norm_max(k) * (length(u[node]) + length(self.mesh.nodes[node]))
+                    })
+                    .collect::<Vec<f64>>(),
+            );
         let (_, slide) = contact.held_motion(&left);
         let load = Load {
             force: net.clone(),
@@ -433,6 +482,8 @@ where
                 deformation: scale * (rows.max(1) as f64).sqrt(),
                 force,
             },
+            is_replaced,
+            rounding,
             problem,
             load,
             state,
@@ -586,11 +637,6 @@ where
                 }
             }
         }
-        if help.shift > 0.0 {
-            let all = 0..driven.len() as u32;
-            let block = from_fn(|j| from_fn(|k| if j == k { help.shift * mean } else { 0.0 }));
-            blocks.extend(all.map(|node| ([node; 2], block)));
-        }
         driven
     }
 
@@ -637,6 +683,7 @@ where
         });
         Deformation {
             slipped: slipped.collect(),
+            step: vec![[0.0; D]; now.step.len()],
             feet: at.feet.clone(),
             forces: self.forces_of(at, &at.lambda),
             normals: at.normals.clone(),
@@ -701,11 +748,7 @@ where
     /// det ∂x/∂X where it is least.
     pub(crate) fn least_volume(&self, u: &[[f64; D]]) -> f64 {
         let body: Body<D> = self.body();
-        let of = Deformed {
-            body: &body,
-            displacement: u,
-            temperature: None,
-        };
+        let of = Deformed::new(&body, u, None);
         of.least_volume()
     }
 
@@ -727,7 +770,13 @@ impl<const D: usize> Configuration<D> {
     pub fn violation(&self) -> Kkt {
         let zeros = &self.state.u;
         let product = [zeros.clone(), zeros.clone()];
-        (self.lawful()).conditions_by(self.scales, zeros, &self.lambda, &product)
+        let mut kkt = (self.lawful()).conditions_by(self.scales, zeros, &self.lambda, &product);
+        // Bodies that turn without any load have no forces but rounding.
+        let known = self.rounding / self.scales.force;
+        if known.is_finite() && kkt.equilibrium <= known {
+            kkt.equilibrium = 0.0;
+        }
+        kkt
     }
 
     /// The sets that contact places are in where nothing is left to be moved.

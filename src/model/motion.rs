@@ -76,6 +76,12 @@ impl<const D: usize> Motion<D> {
         }
     }
 
+    /// Followed by a shift by a vector in m.
+    pub fn and_shift(mut self, shift: [f64; D]) -> Self {
+        self.shift = Some(shift);
+        self
+    }
+
     /// Load factors of its own, one per step.
     pub fn factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
         self.factors = Some(factors.into());

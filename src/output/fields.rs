@@ -32,11 +32,7 @@ where
         let temperature = (!data.temperature.is_none()).then_some(temperature);
         let body = elastic.body();
         let (at_nodes, in_elements) = match elastic.is_large() {
-            true => cauchy_stresses(&Deformed {
-                body: &body,
-                displacement: &displacement,
-                temperature,
-            }),
+            true => cauchy_stresses(&Deformed::new(&body, &displacement, temperature)),
             false => stresses_at(&body, &displacement, temperature),
         };
         Self {

@@ -243,11 +243,11 @@ where
     let field = |region, x| data.temperature.at(region, x);
     let inner = match elastic.is_large() {
         true => {
-            let of = Deformed {
-                body: &body,
+            let of = Deformed::new(
+                &body,
                 displacement,
-                temperature: (!data.temperature.is_none()).then_some(&field as Temperature<D>),
-            };
+                (!data.temperature.is_none()).then_some(&field as Temperature<D>),
+            );
             of.resistance().forces
         }
         false => internal_forces(&body, &data.unknowns, displacement),

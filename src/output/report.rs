@@ -98,6 +98,9 @@ pub struct StepReport {
     /// With large displacements: contact problems at positions of the bodies on the way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<usize>,
+    /// Where displacements are large: into how many parts the step was divided, as Newton's method did not come to its end at once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<usize>,
     /// Outer steps of all its solves.
     pub iter: usize,
     /// Products with A of all its solves.
@@ -309,6 +312,7 @@ impl Report {
         let made = self.steps.last_mut().expect("just pushed");
         if of_bodies.is_some_and(|of| of.elastic.is_large()) {
             made.iterations = Some(std::mem::replace(&mut made.rounds, 1));
+            made.parts = Some(results.parts);
         }
     }
 
@@ -359,6 +363,7 @@ impl Report {
                 })
                 .collect(),
             iterations: None,
+            parts: None,
             iter: solution.iter(),
             n_a: solution.n_a(),
             sets,

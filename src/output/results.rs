@@ -35,6 +35,8 @@ where
     pub solution: &'a StepSolution<D>,
     /// Of the bodies; None where the problem was made from matrices.
     pub of_bodies: Option<OfBodies<'a, D>>,
+    /// [`Solved::parts`].
+    pub parts: usize,
 }
 
 /// The fields of the bodies at the end of a load step.
@@ -77,6 +79,7 @@ where
             analysis,
             solution,
             of_bodies,
+            parts: solved.parts,
         }
     }
 }

@@ -1,5 +1,8 @@
 //! Large displacements: what turns as a whole, figures of an independent program, closed forms, and what buckles.
 
+mod known;
+mod random;
+
 use crate::common::{built, case};
 use signorini::contact::Obstacle;
 use signorini::elasticity::{Hyperelastic, Material};
@@ -16,7 +19,10 @@ use std::ops::ControlFlow;
 /// The end of a load step.
 struct End<const D: usize> {
     status: Status,
+    parts: usize,
     iterations: usize,
+    /// The first node of each place.
+    nodes: Vec<u32>,
     /// On the bodies, of all places.
     forces: Vec<[f64; D]>,
     displacement: Vec<[f64; D]>,
@@ -30,18 +36,21 @@ impl<const D: usize> End<D> {
 
 macro_rules! solved_in {
     ($name:ident, $d:literal) => {
-        fn $name(model: Model<$d>, tolerance: f64, stiffness: Stiffness) -> Vec<End<$d>> {
-            let built = model.build().unwrap_or_else(|error| panic!("{error}"));
+        fn $name(
+            model: Model<$d>,
+            tolerance: f64,
+            stiffness: Stiffness,
+        ) -> Result<Vec<End<$d>>, Box<dyn std::error::Error>> {
+            let built = model.build()?;
             let mut settings = StepSettings::default();
             settings.ssnm.tolerance = tolerance;
             let options = EngineOptions {
                 stiffness,
                 ..EngineOptions::default()
             };
-            let mut engine = Engine::new(&built.problem, options, |_| {})
-                .unwrap_or_else(|error| panic!("{error}"));
+            let mut engine = Engine::new(&built.problem, options, |_| {})?;
             let mut ends = Vec::new();
-            let made = Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
+            Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
                 if let Event::Ends(step) = event {
                     let there = step.displaced.as_ref().expect("displacements are large");
                     let (data, solution) = (step.data.expect("of a model"), &step.solution);
@@ -57,27 +66,47 @@ macro_rules! solved_in {
                     });
                     ends.push(End {
                         status: solution.status,
+                        parts: step.parts,
                         iterations: solution.rounds.len(),
+                        nodes: (there.elastic.contact.places.iter())
+                            .map(|place| place.own[0].0)
+                            .collect(),
                         forces: forces.collect(),
                         displacement: data.unknowns.displacements(&solution.u),
                     });
                 }
                 ControlFlow::Continue(())
-            });
-            made.unwrap_or_else(|error| panic!("{error}"));
-            ends
+            })?;
+            Ok(ends)
         }
     };
 }
 
-solved_in!(solved, 2);
-solved_in!(solved_in_space, 3);
+solved_in!(tried, 2);
+solved_in!(tried_in_space, 3);
+
+fn solved(model: Model, tolerance: f64, stiffness: Stiffness) -> Vec<End<2>> {
+    tried(model, tolerance, stiffness).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn solved_in_space(model: Model<3>, tolerance: f64, stiffness: Stiffness) -> Vec<End<3>> {
+    tried_in_space(model, tolerance, stiffness).unwrap_or_else(|error| panic!("{error}"))
+}
 
 fn neo_hooke(young: f64, poisson: f64) -> Material {
     Material {
         law: Hyperelastic::NeoHooke,
         ..Material::new(young, poisson)
     }
+}
+
+/// Contact with an obstacle that nothing reaches, as a model needs one: it lies in this direction.
+fn far(boundary: &str, towards: [f64; 2]) -> Pair {
+    let obstacle = Obstacle::HalfSpace {
+        point: towards.map(|v| 50.0 * v),
+        normal: towards.map(|v| -v),
+    };
+    Pair::obstacle(boundary, obstacle)
 }
 
 /// A block that is pressed on its floor by a tenth of its height and pushed aside: figures of an independent program.
@@ -192,29 +221,6 @@ fn ring(cells: usize, thickness: f64) -> Mesh {
     mesh
 }
 
-/// A thin ring between two plates, an upper right quarter of it: the elastica, to the square of the thickness.
-#[test]
-fn a_ring_is_pressed_between_plates() {
-    let thickness = 0.04;
-    let plate = Obstacle::HalfSpace {
-        point: [0.0, 1.0 + 0.5 * thickness],
-        normal: [0.0, -1.0],
-    };
-    let model = Model::on(ring(60, thickness))
-        .large_displacements()
-        .material(Material::new(12.0 / thickness.powi(3), 0.0))
-        .support(Support::on("left").x(0.0))
-        .support(Support::on("right").y(0.0))
-        .contact(Pair::obstacle("top", plate).moving(Motion::shift([0.0, -0.1])))
-        .steps([2.0, 4.0]);
-    let ends = solved(model, 1e-8, Stiffness::Cholesky);
-    for (end, expected) in ends.iter().zip([1.05765, 1.99381]) {
-        assert_eq!(end.status, Status::Converged);
-        let force = -end.force()[1];
-        assert!((force / expected - 1.0).abs() < 4e-3, "{force} {expected}");
-    }
-}
-
 /// A straight column under 25 times its buckling load is in balance and does not stay there.
 #[test]
 fn a_straight_column_is_told_as_unstable() {
@@ -222,23 +228,19 @@ fn a_straight_column_is_told_as_unstable() {
     let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
     // Fixed below and free above: π² E I / (4 l²).
     let euler = std::f64::consts::PI.powi(2) * 1e6 * 0.1_f64.powi(3) / 12.0 / 16.0;
-    let under = |load: f64| {
+    let under = |load: f64, stiffness: Stiffness| {
         let model = Model::on(mesh.clone())
             .large_displacements()
             .material(Material::new(1e6, 0.0))
             .support(Support::on("bottom").fixed())
             .traction(Traction::on("top").y(-load / 0.1))
-            .contact(Pair::obstacle(
-                "left",
-                Obstacle::HalfSpace {
-                    point: [-5.0, 0.0],
-                    normal: [1.0, 0.0],
-                },
-            ));
-        solved(model, 1e-8, Stiffness::Cholesky)[0].status
+            .contact(far("left", [-1.0, 0.0]));
+        solved(model, 1e-8, stiffness)[0].status
     };
-    assert_eq!(under(0.9 * euler), Status::Converged);
-    assert_eq!(under(25.0 * euler), Status::Unstable);
+    for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+        assert_eq!(under(0.9 * euler, stiffness), Status::Converged);
+        assert_eq!(under(25.0 * euler, stiffness), Status::Unstable);
+    }
 }
 
 /// A beam is bent by a follower pressure and by a ball in space: the same from the mesh and from its mirror image.

@@ -41,19 +41,11 @@ where
     let warm = |_: u32, x: [f64; D]| 20.0 + 5.0 * x[1];
     let temperature: Temperature<D> = &warm;
     let at = |u: &[[f64; D]], warm: bool| {
-        let of = Deformed {
-            body,
-            displacement: u,
-            temperature: warm.then_some(temperature),
-        };
+        let of = Deformed::new(body, u, warm.then_some(temperature));
         (of.resistance(), of.tangent(&unknowns))
     };
     let u = noisy::<D>(n, 0.08, 7);
-    let of = Deformed {
-        body,
-        displacement: &u,
-        temperature: None,
-    };
+    let of = Deformed::new(body, &u, None);
     assert!(of.least_volume() > 0.1, "{what}: {}", of.least_volume());
     let step = 1e-5;
     for warm in [false, true] {
@@ -119,11 +111,7 @@ where
     );
     assert_relative_eq!(here.energy, there.energy, max_relative = 1e-11);
     let [before, behind] = [&u, &whole].map(|u| {
-        let of = Deformed {
-            body,
-            displacement: u,
-            temperature: Some(temperature),
-        };
+        let of = Deformed::new(body, u, Some(temperature));
         cauchy_stresses(&of).1
     });
     for (a, b) in before.iter().zip(&behind) {
@@ -227,11 +215,7 @@ fn known_stresses() {
             plane: Plane::PlaneStrain,
             thickness: 1.0,
         };
-        let of = Deformed {
-            body: &body,
-            displacement: &u,
-            temperature: None,
-        };
+        let of = Deformed::new(&body, &u, None);
         let found = cauchy_stresses(&of).1[0];
         let j: f64 = stretch.iter().product();
         let trace: f64 = stretch.iter().map(|s| 0.5 * (s * s - 1.0)).sum();
@@ -253,11 +237,7 @@ fn known_stresses() {
         let u: Vec<[f64; 2]> = (sheet.nodes.iter())
             .map(|x| std::array::from_fn(|c| (stretch[c] - 1.0) * x[c]))
             .collect();
-        let of = Deformed {
-            body: &body,
-            displacement: &u,
-            temperature: None,
-        };
+        let of = Deformed::new(&body, &u, None);
         let found = cauchy_stresses(&of).1[0];
         // By bisection.
         let across = |s: f64| match law {
@@ -294,11 +274,7 @@ fn known_stresses() {
         assert_relative_eq!(found.zz, 0.0);
         let warm = |_: u32, _: [f64; 2]| 30.0;
         let u: Vec<[f64; 2]> = sheet.nodes.iter().map(|x| x.map(|x| 0.03 * x)).collect();
-        let of = Deformed {
-            body: &body,
-            displacement: &u,
-            temperature: Some(&warm),
-        };
+        let of = Deformed::new(&body, &u, Some(&warm));
         assert!(largest(&of.resistance().forces) < 1e-14);
     }
 }

@@ -1,0 +1,247 @@
+//! Closed forms and figures of other programs.
+
+use super::{End, far, neo_hooke, solved, solved_in_space};
+use signorini::contact::Obstacle;
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness::Cholesky;
+use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::{ElementKind, Mesh, Topology};
+use signorini::model::{Model, Motion, Pair, Quantity, Support, Traction};
+use signorini::ssnm::Status;
+
+const LENGTH: f64 = 10.0;
+
+/// The modulus of a beam of EI = 1.
+fn young(thickness: f64) -> f64 {
+    12.0 / thickness.powi(3)
+}
+
+/// A beam of elements of second order along x, its axis through the origin.
+fn beam(thickness: f64, cells: usize) -> Mesh {
+    let size = [LENGTH, thickness];
+    let low = [0.0, -0.5 * thickness];
+    let mesh = rectangle(low, size, [cells, 1], CellShape::Quad, "beam", "");
+    mesh.raised().unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The node of a mesh at a place.
+fn node_at<const D: usize>(mesh: &Mesh<D>, place: [f64; D]) -> usize
+where
+    ElementKind: Topology<D>,
+{
+    let is_there = |x: &[f64; D]| (0..D).all(|c| (x[c] - place[c]).abs() < 1e-9);
+    mesh.nodes.iter().position(is_there).expect("a node")
+}
+
+fn assert_quick<const D: usize>(ends: &[End<D>], most: f64) {
+    for end in ends {
+        assert_eq!(end.status, Status::Converged);
+    }
+    let all: usize = ends.iter().map(|end| end.iterations).sum();
+    let mean = all as f64 / ends.len() as f64;
+    assert!(mean <= most, "{mean} iterations a load step");
+}
+
+/// The tip of a cantilever under a dead force: the elastica (Mattiasson, Numerical results from large deflection beam and frame
+/// problems analysed by means of elliptic integrals, 1981).
+#[test]
+fn a_force_bends_a_cantilever() {
+    let thickness = 0.2;
+    let factors: [f64; 10] = std::array::from_fn(|i| (i + 1) as f64);
+    let known = [(0, 0.05643, 0.30172), (9, 0.55500, 0.81061)];
+    let force = 1.0 / (LENGTH * LENGTH * thickness);
+    let check = |name: &str, tips: [[f64; 2]; 10]| {
+        for (step, shorter, lower) in known {
+            let tip = tips[step].map(|u| u / LENGTH);
+            assert!(
+                (tip[0] + shorter).abs() < 0.005 * shorter.max(lower),
+                "{name}: {tip:?}"
+            );
+            assert!((tip[1] / lower - 1.0).abs() < 0.005, "{name}: {tip:?}");
+        }
+    };
+    let mesh = beam(thickness, 16);
+    let tip = node_at(&mesh, [LENGTH, 0.0]);
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(Material::new(young(thickness), 0.0))
+        .support(Support::on("left").fixed())
+        .traction(Traction::on("right").y(force))
+        .contact(far("bottom", [0.0, -1.0]))
+        .steps(factors);
+    let ends = solved(model, 1e-7, Cholesky);
+    assert_quick(&ends, 7.0);
+    check("plane", std::array::from_fn(|i| ends[i].displacement[tip]));
+
+    let size = [LENGTH, 0.4, thickness];
+    let cells = [16, 1, 1];
+    let low = [0.0, 0.0, -0.5 * thickness];
+    let mesh = block(low, size, cells, SolidShape::Hexahedron, "beam", "");
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    let tip = node_at(&mesh, [LENGTH, 0.0, 0.0]);
+    let below = Obstacle::HalfSpace {
+        point: [0.0, 0.0, -20.0],
+        normal: [0.0, 0.0, 1.0],
+    };
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(Material::new(young(thickness), 0.0))
+        .support(Support::on("left").fixed())
+        .traction(Traction::on("right").z(force))
+        .contact(Pair::obstacle("bottom", below))
+        .steps(factors);
+    let ends = solved_in_space(model, 1e-7, Cholesky);
+    assert_quick(&ends, 7.0);
+    let tips = std::array::from_fn(|i| {
+        let u: [f64; 3] = ends[i].displacement[tip];
+        [u[0], u[2]]
+    });
+    check("space", tips);
+}
+
+/// A cantilever that a couple at its end bends to a quarter of a circle: the couple is a pressure over its end that follows the
+/// surface. Such a pressure is not conservative, and a symmetric tangent takes the more iterations the larger it is.
+#[test]
+fn a_couple_rolls_up_a_cantilever() {
+    let thickness = 0.2;
+    let parts = [0.125, 0.25];
+    let mesh = beam(thickness, 16);
+    let tip = node_at(&mesh, [LENGTH, 0.0]);
+    // M = 2π EI/L of a full turn, −σ = −M y/I.
+    let slope = 2.0 * std::f64::consts::PI / LENGTH * young(thickness);
+    let pressure = Quantity::from(move |x: [f64; 2]| slope * x[1]);
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(Material::new(young(thickness), 0.0))
+        .support(Support::on("left").fixed())
+        .traction(Traction::on("right").pressure(pressure))
+        .contact(far("bottom", [0.0, -1.0]))
+        .steps(parts);
+    let ends = solved(model, 1e-7, Cholesky);
+    assert_quick(&ends, 25.0);
+    for (end, part) in ends.iter().zip(parts) {
+        let angle = 2.0 * std::f64::consts::PI * part;
+        let radius = LENGTH / angle;
+        let expected = [radius * angle.sin() - LENGTH, radius * (1.0 - angle.cos())];
+        let u = end.displacement[tip];
+        for c in 0..2 {
+            assert!(
+                (u[c] - expected[c]).abs() < 0.005 * LENGTH,
+                "{part}: {u:?} {expected:?}"
+            );
+        }
+    }
+}
+
+/// A cantilever that a roller bends, far enough to turn its tip by 45°: figures of an independent program on the same mesh, and the
+/// elastica on ever finer ones.
+#[test]
+fn a_roller_bends_a_cantilever() {
+    let thickness = 0.1;
+    let roller = Obstacle::Sphere {
+        center: [7.0, 0.5 + 0.5 * thickness],
+        radius: 0.5,
+    };
+    let with = |cells: usize, coulomb: f64, travel: f64, steps: usize| {
+        let factors: Vec<f64> = (1..=steps).map(|i| i as f64 / steps as f64).collect();
+        let model = Model::on(beam(thickness, cells))
+            .large_displacements()
+            .material(Material::new(young(thickness), 0.0))
+            .support(Support::on("left").fixed())
+            .contact(
+                Pair::obstacle("top", roller)
+                    .coulomb(coulomb)
+                    .moving(Motion::shift([0.0, -travel])),
+            )
+            .steps(factors);
+        solved(model, 1e-9, Cholesky)
+    };
+    let known = [
+        (0.0, [-0.019971928, -0.017590282]),
+        (0.3, [-0.013501992, -0.022215909]),
+    ];
+    for (coulomb, expected) in known {
+        let ends = with(60, coulomb, 4.0, 8);
+        assert_quick(&ends, 8.0);
+        let force = ends[7].force();
+        for c in 0..2 {
+            assert!((force[c] - expected[c]).abs() < 1e-7, "{force:?}");
+        }
+    }
+    let mut errors = Vec::new();
+    for cells in [120, 240] {
+        let ends = with(cells, 0.0, 4.0, 8);
+        assert_quick(&ends, 8.0);
+        errors.push((ends[7].force()[0] / -0.018625 - 1.0).abs());
+    }
+    assert!(errors[1] < 0.02 && errors[0] < 0.04, "{errors:?}");
+    // By ten thicknesses at once: the roller never leaves the beam behind.
+    let force = with(60, 0.0, 1.0, 1)[0].force();
+    assert!((force[1] / (-3.0 / 343.0) - 1.0).abs() < 0.1, "{force:?}");
+}
+
+/// A thin ring between two plates, an upper right quarter of it, to 60 %: the elastica (in `../docs/validation.md`), which a ring of half
+/// the thickness is nearer to.
+#[test]
+fn a_ring_is_pressed_together() {
+    let errors = [0.04, 0.02].map(|thickness| {
+        let plate = Obstacle::HalfSpace {
+            point: [0.0, 1.0 + 0.5 * thickness],
+            normal: [0.0, -1.0],
+        };
+        let factors: Vec<f64> = (1..=12).map(f64::from).collect();
+        let model = Model::on(super::ring(60, thickness))
+            .large_displacements()
+            .material(Material::new(12.0 / thickness.powi(3), 0.0))
+            .support(Support::on("left").x(0.0))
+            .support(Support::on("right").y(0.0))
+            .contact(Pair::obstacle("top", plate).moving(Motion::shift([0.0, -0.05])))
+            .steps(factors);
+        let ends = solved(model, 1e-8, Cholesky);
+        assert_quick(&ends, 5.0);
+        [(3, 1.05765), (7, 1.99381), (11, 4.48606)]
+            .map(|(step, force)| (-ends[step].force()[1] / force - 1.0).abs())
+    });
+    for (thick, thin) in errors[0].into_iter().zip(errors[1]) {
+        assert!(thick < 0.01 && thin < 0.004, "{errors:?}");
+    }
+}
+
+/// Cook's membrane: figures of FElupe 11.3 with the same law and quadrilaterals of nine nodes, where nothing is projected; nearly
+/// incompressible it has 6.852 on 32 × 32 of them, from below.
+#[test]
+fn cooks_membrane() {
+    let mu = 80.1938;
+    let solve = |poisson: f64, cells: usize| {
+        let square = rectangle([0.0; 2], [1.0; 2], [cells; 2], CellShape::Quad, "body", "");
+        let mut mesh = square.raised().unwrap_or_else(|error| panic!("{error}"));
+        for x in &mut mesh.nodes {
+            let [a, b] = *x;
+            *x = [48.0 * a, (1.0 - b) * 44.0 * a + b * (44.0 + 16.0 * a)];
+        }
+        let corner = node_at(&mesh, [48.0, 60.0]);
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(neo_hooke(2.0 * mu * (1.0 + poisson), poisson))
+            .support(Support::on("left").fixed())
+            .traction(Traction::on("right").y(6.25))
+            .contact(far("bottom", [0.0, -1.0]));
+        let ends = solved(model, 1e-9, Cholesky);
+        assert_quick(&ends, 12.0);
+        ends[0].displacement[corner]
+    };
+    let known = [
+        (8, [-7.88757161, 8.65902251]),
+        (16, [-7.94694224, 8.68392301]),
+    ];
+    for (cells, expected) in known {
+        let u = solve(0.3, cells);
+        for c in 0..2 {
+            assert!((u[c] - expected[c]).abs() < 1e-6, "{u:?}");
+        }
+    }
+    // Mixed elements of the literature come to 6.9.
+    let tips = [8, 16, 32].map(|cells| solve(0.4999, cells)[1]);
+    assert!(tips.is_sorted() && tips[0] > 0.995 * tips[2], "{tips:?}");
+    assert!((tips[2] - 6.926).abs() < 1e-3, "{tips:?}");
+}
