@@ -137,6 +137,7 @@ where
             data: Some(&self.data),
             solution: self.solution.clone(),
             displaced: None,
+            parts: 1,
         };
         report.add_step(&StepResults::new(Analysis::from(&self.built), &solved));
         report.steps.remove(0)

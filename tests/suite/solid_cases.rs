@@ -74,6 +74,7 @@ impl Solved {
             data: Some(self.data()),
             solution: self.solution.clone(),
             displaced: None,
+            parts: 1,
         };
         report.add_step(&StepResults::new(Analysis::from(&self.build), &solved));
         report.steps.remove(0)

@@ -42,11 +42,6 @@ struct Rigid {
 }
 
 impl Rigid {
-    fn point(&self, x: Point, factor: f64) -> Point {
-        let arm = turned(minus(x, self.about), factor * self.angle);
-        plus(plus(self.about, arm), self.shift.map(|v| factor * v))
-    }
-
     /// Where a point of what moves along was at rest.
     fn back(&self, x: Point, factor: f64) -> Point {
         let from = minus(minus(x, self.shift.map(|v| factor * v)), self.about);
