@@ -187,6 +187,44 @@ fn a_tie_holds_what_it_finds() {
     }
 }
 
+/// A contact that becomes a tie on the same sides takes as many steps of the method as the first load step, and not several times as many:
+/// what was learnt of rows that do not act any more is forgotten.
+#[test]
+fn a_contact_becomes_a_tie() {
+    let model = Model::on(stacked(1.0, [6, 3]))
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on("low-bottom").fixed())
+        .support(Support::on("up-top").y(-1e-4))
+        .traction(
+            Traction::on("up-left")
+                .x(1e4)
+                .factors([0.1, 1.0, 1.0, -1.0]),
+        )
+        .contact(
+            Pair::new("up-bottom", "low-top")
+                .coulomb(0.3)
+                .active([1.0, 1.0, 0.0, 0.0]),
+        )
+        .tie(Pair::tied("up-bottom", "low-top").active([0.0, 0.0, 1.0, 1.0]))
+        .steps([1.0; 4]);
+    for path in PATHS {
+        let found = answer(model.clone(), 1e-10, path);
+        let taken: Vec<usize> = steps(&found).iter().map(|step| step.iter()).collect();
+        assert!(
+            taken[2] <= 2 * taken[0] && taken[3] <= taken[0],
+            "{taken:?}"
+        );
+        // The push turns round, and the tie carries all of it.
+        let report = found.report();
+        assert!(
+            (report.contacts[1].force[0] - 1e4).abs() < 1e-6,
+            "{:?}",
+            report.contacts[1]
+        );
+        assert!(report.contacts[0].force.iter().all(|&f| f == 0.0));
+    }
+}
+
 /// A body that only a contact holds that does not act yet is held by nothing.
 #[test]
 fn what_does_not_act_holds_nothing() {

@@ -120,6 +120,25 @@ fn an_interference_and_two_laws_in_space() {
     assert_eq!(compare(&text), 2);
 }
 
+/// Contact, friction and a tie that come and go, beside a foundation and a spring.
+#[test]
+fn what_changes_between_load_steps() {
+    let text = format!(
+        "[[mesh.part]]\nname = \"low\"\nrectangle = {{ size = [2, 1], cells = [6, 3] }}\n\
+         [[mesh.part]]\nname = \"up\"\nrectangle = {{ origin = [0.5, 1], size = [1, 1], cells = [4, 3] }}\n\
+         [[material]]\nyoung = 1e3\npoisson = 0.3\n\
+         [[foundation]]\nboundary = \"low-bottom\"\nstiffness = {{ normal = 1e3, tangential = 2e2 }}\n\
+         [[spring]]\nboundary = \"up-right\"\ndirection = [1, 0]\nstiffness = 20\n\
+         [[support]]\nboundary = \"up-top\"\ny = -0.03\nfactors = [1, 1, 1, 1.5]\n\
+         [[traction]]\nboundary = \"up-left\"\nx = 1\nfactors = [0.1, 1, 1, -1]\n\
+         [[contact]]\nboundary = \"up-bottom\"\nagainst = \"low-top\"\nfriction = {{ coulomb = 0.3 }}\n\
+         active = [1, 1, 0, 0]\nfriction_factors = [0, 1, 1, 1]\n\
+         [[tie]]\nboundary = \"up-bottom\"\nagainst = \"low-top\"\nactive = [0, 0, 1, 1]\n\
+         [steps]\nfactors = [1, 1, 1, 1]\n{TIGHT}"
+    );
+    assert_eq!(compare(&text), 4);
+}
+
 /// One step, and a case that is algebraic already.
 #[test]
 fn an_algebraic_case_is_written_as_it_is() {
