@@ -42,11 +42,6 @@ struct Rigid {
 }
 
 impl Rigid {
-    fn point(&self, x: Point, factor: f64) -> Point {
-        let arm = turned(minus(x, self.about), factor * self.angle);
-        plus(plus(self.about, arm), self.shift.map(|v| factor * v))
-    }
-
     /// Where a point of what moves along was at rest.
     fn back(&self, x: Point, factor: f64) -> Point {
         let from = minus(minus(x, self.shift.map(|v| factor * v)), self.about);
@@ -303,7 +298,7 @@ impl Problem {
         }
         let mut rest = self.resisting(u);
         // Without loads there are no forces but rounding.
-        let least = 1e-8 * self.material.young;
+        let least = 1e-7 * self.material.young;
         let scale = (rest.iter().flatten()).fold(least, |a: f64, b| a.max(b.abs()));
         if let Some((side, pressure)) = self.pressed {
             for [a, b] in self.edges(side) {
