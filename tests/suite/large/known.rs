@@ -6,7 +6,7 @@ use signorini::elasticity::Material;
 use signorini::engine::Stiffness::Cholesky;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{ElementKind, Mesh, Topology};
-use signorini::model::{Model, Motion, Pair, Quantity, Support, Traction};
+use signorini::model::{Model, Motion, Pair, Support, Traction};
 use signorini::ssnm::Status;
 
 const LENGTH: f64 = 10.0;
@@ -97,40 +97,6 @@ fn a_force_bends_a_cantilever() {
         [u[0], u[2]]
     });
     check("space", tips);
-}
-
-/// A cantilever that a couple at its end bends to a quarter of a circle: the couple is a pressure over its end that follows the
-/// surface. Such a pressure is not conservative, and a symmetric tangent takes the more iterations the larger it is.
-#[test]
-fn a_couple_rolls_up_a_cantilever() {
-    let thickness = 0.2;
-    let parts = [0.125, 0.25];
-    let mesh = beam(thickness, 16);
-    let tip = node_at(&mesh, [LENGTH, 0.0]);
-    // M = 2π EI/L of a full turn, −σ = −M y/I.
-    let slope = 2.0 * std::f64::consts::PI / LENGTH * young(thickness);
-    let pressure = Quantity::from(move |x: [f64; 2]| slope * x[1]);
-    let model = Model::on(mesh)
-        .large_displacements()
-        .material(Material::new(young(thickness), 0.0))
-        .support(Support::on("left").fixed())
-        .traction(Traction::on("right").pressure(pressure))
-        .contact(far("bottom", [0.0, -1.0]))
-        .steps(parts);
-    let ends = solved(model, 1e-7, Cholesky);
-    assert_quick(&ends, 25.0);
-    for (end, part) in ends.iter().zip(parts) {
-        let angle = 2.0 * std::f64::consts::PI * part;
-        let radius = LENGTH / angle;
-        let expected = [radius * angle.sin() - LENGTH, radius * (1.0 - angle.cos())];
-        let u = end.displacement[tip];
-        for c in 0..2 {
-            assert!(
-                (u[c] - expected[c]).abs() < 0.005 * LENGTH,
-                "{part}: {u:?} {expected:?}"
-            );
-        }
-    }
 }
 
 /// A cantilever that a roller bends, far enough to turn its tip by 45°: figures of an independent program on the same mesh, and the

@@ -298,7 +298,7 @@ impl Problem {
         }
         let mut rest = self.resisting(u);
         // Without loads there are no forces but rounding.
-        let least = 1e-8 * self.material.young;
+        let least = 1e-7 * self.material.young;
         let scale = (rest.iter().flatten()).fold(least, |a: f64, b| a.max(b.abs()));
         if let Some((side, pressure)) = self.pressed {
             for [a, b] in self.edges(side) {
