@@ -94,13 +94,18 @@ fn problem(seed: u64) -> Problem {
         law,
         ..Material::new(young, pick(random, &[0.0, 0.2, 0.3, 0.4]))
     };
-    let aside = random.between(-0.15, 0.15);
-    let down = random.between(0.0, 0.2);
+    // Under pressure St. Venant–Kirchhoff's law gives way from a stretch of 0.58 on.
+    let much = match law {
+        Hyperelastic::NeoHooke => 1.0,
+        Hyperelastic::StVenantKirchhoff => 0.3,
+    };
+    let aside = much * random.between(-0.15, 0.15);
+    let down = much * random.between(0.0, 0.2);
     let held = match (slender, chance(random, 0.3)) {
         (_, true) => {
             let about = here([size[0] * random.unit(), size[1] * random.unit()]);
             let most = if slender { 10.0 } else { 40.0 };
-            Held::Turned(about, random.between(-most, most))
+            Held::Turned(about, much * random.between(-most, most))
         }
         (true, false) => Held::Moved([0.0; 2]),
         (false, false) => Held::Moved(here([aside, -down])),
@@ -132,8 +137,8 @@ fn problem(seed: u64) -> Problem {
     };
     let motion = Rigid {
         about,
-        angle: random.between(-20.0, 20.0),
-        shift: here([random.between(-0.3, 0.3), random.between(0.0, 0.25)]),
+        angle: much * random.between(-20.0, 20.0),
+        shift: here([random.between(-0.3, 0.3), much * random.between(0.0, 0.25)]),
     };
     Problem {
         mesh,
@@ -298,7 +303,7 @@ impl Problem {
         }
         let mut rest = self.resisting(u);
         // Without loads there are no forces but rounding.
-        let least = 1e-7 * self.material.young;
+        let least = 1e-6 * self.material.young;
         let scale = (rest.iter().flatten()).fold(least, |a: f64, b| a.max(b.abs()));
         if let Some((side, pressure)) = self.pressed {
             for [a, b] in self.edges(side) {
@@ -440,8 +445,7 @@ fn check(seeds: std::ops::Range<u64>) {
         );
         assert!(wrong.is_empty(), "{wrong:#?}");
         let [converged, _, without] = counts;
-        // 3 of 105 in the gate: bodies that buckle on the way.
-        assert!(without * 20 <= converged, "{counts:?}");
+        assert!(without * 100 <= converged, "{counts:?}");
     }
 }
 
