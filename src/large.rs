@@ -1,9 +1,9 @@
 //! Large displacements: load steps by Newton's method on where the bodies are.
 //!
-//! Each *iteration* solves the contact problem (1)–(3) of where the bodies are in what is still to be moved (`model/large.rs`), as
-//! accurately as the violation there is worth, and moves them. A load step has converged when balance, contact, friction and
-//! supports of the displaced bodies are met, all checked in f64. A step that does not get there is halved; what was reached before
-//! it is kept.
+//! Each *iteration* solves the contact problem (1)–(3) at the present configuration for the remaining displacement Δu
+//! (`model/large.rs`), to a part of the present violation, and moves the bodies. A load step has converged when balance, contact, friction and
+//! supports of the displaced bodies are met, all checked in f64. A step that does not converge is halved; the state before it
+//! is kept.
 
 use crate::contact::Space;
 use crate::dual::DualError;
@@ -29,10 +29,10 @@ const EASY: usize = 8;
 const CUTS: i32 = 8;
 /// An element may be pressed to this part of its least volume in one iteration.
 const PRESSED: f64 = 0.1;
-/// What of the violation an inner problem is solved to: less takes twice the iterations.
+/// The tolerance of an inner problem over the present violation: 0.5 takes twice the iterations.
 const INNER: f64 = 0.01;
-/// Where a tangent is not definite, what helps in this order: to leave out how pressures and contact forces turn; to let contact that
-/// presses be as stiff as the bodies, and a hundred times stiffer; to leave out stresses that soften.
+/// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with closed contact as stiff as
+/// the bodies, and a hundred times stiffer; without stresses that soften the bodies.
 const HELP: [Help; 5] = {
     const fn help(turning: bool, held: f64) -> Help {
         Help {
@@ -52,7 +52,7 @@ const HELP: [Help; 5] = {
 
 /// Why a step has not converged.
 enum Ended {
-    /// It took too many iterations, left what can be computed with, or no help made its tangent definite.
+    /// It took too many iterations, elements collapsed, or no remedy made its tangent definite.
     Lost,
     Stopped(Status),
 }
@@ -141,7 +141,7 @@ where
         Ok(solution)
     }
 
-    /// The same with as much help as its tangent needs; None where none is enough.
+    /// The same with the first remedy that makes its tangent definite; None if all of them fail.
     #[allow(clippy::too_many_arguments)]
     fn helped(
         &mut self,
@@ -286,7 +286,7 @@ where
             .into_iter()
             .take(1 + usize::from(self.elastic.has_pressures()));
         for turning in turning {
-            // Stiff contact on top of all that turns: what is left to give way goes along the obstacles.
+            // With stiff closed contact the bodies can only give way along the obstacles.
             let closed = Help {
                 turning,
                 held: 1e3,
@@ -300,7 +300,7 @@ where
         Ok(false)
     }
 
-    /// What is known at the end of a load step, for results.
+    /// The results of a load step.
     fn results(
         &mut self,
         reached: Reached<D>,
@@ -458,7 +458,7 @@ mod tests {
     use super::*;
     use crate::mesh::vector::length;
 
-    /// What turns a direction turns all others with it, and lengths stay.
+    /// The turn that takes one direction to another keeps lengths.
     #[test]
     fn forces_turn_with_their_obstacle() {
         let (from, to) = ([0.6, 0.0, 0.8], [0.0, -1.0, 0.0]);

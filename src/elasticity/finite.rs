@@ -41,9 +41,9 @@ where
     pub displacement: &'a [[f64; D]],
     /// How much warmer they are; None: nowhere.
     pub temperature: Option<Temperature<'a, D>>,
-    /// What the last of Newton's steps has moved every node by, for the stresses in the tangent; None: nothing.
+    /// The displacement of every node in the last of Newton's steps, for the stresses in the tangent; None: zero.
     pub step: Option<&'a [[f64; D]]>,
-    /// Whether the tangent is without what stresses soften.
+    /// Whether the tangent is made without stresses that soften it.
     pub stiffened: bool,
 }
 
@@ -145,7 +145,7 @@ impl Law {
         let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
         let has_across = D == 2 && self.plane != Plane::PlaneStress;
         let pushed = gradient.map(|g| times(&f, &g));
-        // What the last step has changed of F, column by column, and of the stretch across.
+        // The change of F in the last step, column by column, and of the stretch across.
         let moved = tangents(&gradient, step);
         let moved_across = sum(&round_axis, step)[0];
         let (mut lambda, mut s, mut s_across) = (self.lambda, [[0.0; D]; D], 0.0);

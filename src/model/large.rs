@@ -1,6 +1,6 @@
 //! Large displacements: loads, supports and obstacles at a time, and the contact problem of where bodies are.
 //!
-//! At displacements u the problem is about what is still to be moved, Δu: K is the tangent at u, f what is out of balance there
+//! At displacements u the unknown is the remaining displacement Δu: K is the tangent at u, f the imbalance of forces there
 //! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
 //! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
 
@@ -31,14 +31,14 @@ use std::array::from_fn;
 pub(crate) struct Moment<const D: usize> {
     /// The common load factor.
     pub factor: f64,
-    /// What supports prescribe.
+    /// The prescribed displacements.
     pub unknowns: Unknowns<D>,
-    /// Forces that stay what they are wherever the bodies go.
+    /// Forces that keep their direction and size wherever the bodies move.
     dead: Vec<[f64; D]>,
-    /// What pressures on boundaries are multiplied by.
+    /// The load factors of pressures on boundaries.
     pressures: Vec<f64>,
     temperature: TemperatureField<D>,
-    /// What the motions of obstacles are multiplied by, pair by pair.
+    /// The factors of the motions of obstacles, pair by pair.
     motions: Vec<f64>,
 }
 
@@ -47,9 +47,9 @@ pub(crate) struct Moment<const D: usize> {
 pub(crate) struct Deformation<const D: usize> {
     /// Of every node.
     pub displacement: Vec<[f64; D]>,
-    /// What of it the last iteration has added.
+    /// The part of it that the last iteration added.
     pub step: Vec<[f64; D]>,
-    /// What each place presses and rubs its obstacle with, along the axes.
+    /// The force of each place on its obstacle, along the axes.
     pub forces: Vec<[f64; D]>,
     /// The direction towards the obstacle that goes with it.
     pub normals: Vec<[f64; D]>,
@@ -64,14 +64,14 @@ pub(crate) struct Deformation<const D: usize> {
 pub(crate) struct Help {
     /// Whether pressures and contact forces that turn with their surface have a part in it.
     pub turning: bool,
-    /// What of the mean stiffness of an unknown contact that presses is as stiff as: no other solution, as it is closed there.
+    /// The stiffness of closed contact, over the mean diagonal of K: the solution stays the same, as the gap is zero there.
     pub held: f64,
-    /// Whether stresses that soften bodies have no part in it: it is definite then, and steps are short where these matter.
+    /// Whether it is made without stresses that soften bodies: it is definite then, and steps are short where these matter.
     pub stiffened: bool,
 }
 
 impl Help {
-    /// As much as there is.
+    /// The last remedy.
     pub const MOST: Self = Self {
         turning: false,
         held: 0.0,
@@ -79,31 +79,31 @@ impl Help {
     };
 }
 
-/// Bodies somewhere between one load step and the next, with the contact problem about what is still to be moved.
+/// Bodies on the way from one load step to the next, with the contact problem for their remaining displacement.
 pub(crate) struct Configuration<const D: usize> {
     pub problem: ContactProblem<D>,
     pub load: Load,
     pub state: State,
     pub contact: ContactRows<D>,
-    /// What is left to be moved of what is prescribed.
+    /// The remaining prescribed displacements.
     pub left: Unknowns<D>,
-    /// All forces that act on nodes but those of contact and supports.
+    /// All forces on nodes except those of contact and supports.
     pub outer: Vec<[f64; D]>,
     scales: Scales,
-    /// Whether an unknown had no stiffness in the tangent that was asked for, and [`Help::MOST`] took its place.
+    /// Whether the requested tangent had a diagonal entry that is not positive, and [`Help::MOST`] replaced it.
     pub is_replaced: bool,
-    /// What rounding leaves of forces.
+    /// The rounding error of the forces.
     rounding: f64,
     /// λ, in the rows of the problem.
     pub lambda: Vec<f64>,
-    /// What slip each place has had since the last load step.
+    /// The slip of each place since the last load step.
     slip: Vec<[f64; D]>,
     feet: Vec<Vec<[f64; D]>>,
     pub normals: Vec<[f64; D]>,
     distances: Vec<f64>,
 }
 
-/// What the places of contact meet where the bodies are, candidate by candidate.
+/// Distances, normals and slip of the contact places at the present configuration, candidate by candidate.
 struct Meeting<const D: usize> {
     places: Vec<ContactPlace<D>>,
     /// Since the last load step.
@@ -114,7 +114,7 @@ struct Meeting<const D: usize> {
     bends: Vec<Bend<D>>,
 }
 
-/// A node of a place and what it meets: where obstacles are round, a contact force turns as the node moves.
+/// A node of a place and its obstacle: along a round obstacle the contact force turns as the node moves.
 struct Bend<const D: usize> {
     candidate: usize,
     node: u32,
@@ -127,7 +127,7 @@ struct Bend<const D: usize> {
 
 /// v after the turn that takes one unit vector to another by the shortest way.
 pub(crate) fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
-    // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then across what halves both.
+    // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then in the plane across the bisector of both.
     let half: [f64; D] = from_fn(|c| from[c] + to[c]);
     let size = dot(half, half);
     if !(size > 1e-12) {
@@ -135,7 +135,7 @@ pub(crate) fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64;
     }
     let along = 2.0 * dot(v, from);
     let mirrored: [f64; D] = from_fn(|c| v[c] - along * from[c]);
-    // −(I − 2hhᵀ/h²)(I − 2 from fromᵀ) takes `from` to `to` and leaves what is across both.
+    // −(I − 2hhᵀ/h²)(I − 2 from fromᵀ) takes `from` to `to` and keeps the directions across both.
     let part = 2.0 * dot(mirrored, half) / size;
     from_fn(|c| mirrored[c] - part * half[c])
 }
@@ -220,7 +220,7 @@ where
         self.definition.factor(&None, time)
     }
 
-    /// What acts at a time.
+    /// Loads, supports and obstacles at a time.
     pub(crate) fn moment(&self, time: f64) -> Result<Moment<D>, ModelError> {
         let definition = &self.definition;
         let body = self.body();
@@ -269,7 +269,7 @@ where
         }
     }
 
-    /// Forces of pressures, which follow the surface, and the symmetric part of what they add to the tangent.
+    /// The forces of pressures, which follow the surface, and the symmetric part of their tangent.
     fn pressures(
         &self,
         at: &Moment<D>,
@@ -344,7 +344,7 @@ where
     }
 
     /// The contact problem of bodies that have moved by u and press with these forces, on the way from one end of a load step to
-    /// the next: with `first`, obstacles are where they were, and their motion is one of what is still to be moved.
+    /// the next: with `first`, obstacles are where they were, and their motion belongs to the remaining displacement.
     pub(crate) fn configuration(
         &self,
         before: &Deformation<D>,
@@ -424,7 +424,7 @@ where
             lambda[r] = dot(forces[i], place.frame[0]);
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let at = (D - 1) * r + a;
-                // Without friction what is left along the tangents is rounding of the turn.
+                // Without friction a force along the tangents is rounding of the turn.
                 if place.slip_bound.is_any() {
                     lambda[rows + at] = dot(forces[i], *tangent);
                 }
@@ -433,7 +433,7 @@ where
             }
         }
         let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
-        // What rounding of places leaves of the forces on each node, by the stiffness of the node.
+        // The effect of rounded coordinates on the forces on each node, by the stiffness of the node.
         let rounding = ROUNDING
             * norm(
                 &(stiffness.diagonal().chunks_exact(D).enumerate())
@@ -498,7 +498,7 @@ where
         })
     }
 
-    /// Where the places of contact are, and what each meets there; with `first`, obstacles are where they were.
+    /// The contact places at the present configuration; with `first`, obstacles are at their old places.
     fn meeting(
         &self,
         before: &Deformation<D>,
@@ -515,7 +515,7 @@ where
             let mut place = rest.clone();
             place.place = place.mean(|node| self.at(node, u));
             let Some(obstacle) = &self.pairs[*pair as usize].obstacle else {
-                // Ties and nodes that move alike: whatever their bodies do, the rows stay.
+                // The rows of ties and of nodes that move alike stay the same.
                 let moved = [u, &before.displacement].map(|u| self.apart(rest, u));
                 place.gap = rest.gap - dot(moved[0], rest.frame[0]);
                 slip[i] = minus(moved[0], moved[1]);
@@ -528,7 +528,7 @@ where
                 factor: at.motions[*pair as usize],
             });
             let there = if first { was } else { is }.obstacle(obstacle);
-            // What the gap at rest is counted from: stated ones, interferences, offsets.
+            // Stated gaps, interferences and offsets stay a part of the gap.
             let mut gap = rest.gap;
             for (k, &(node, weight)) in rest.own.iter().enumerate() {
                 let x = self.at(node, u);
@@ -583,7 +583,7 @@ where
         })
     }
 
-    /// Adds to the tangent how contact forces turn with their obstacles and what else helps it; the forces that belong to that.
+    /// Adds the turning of contact forces and the remedies to the tangent; returns the forces that belong to the remedies.
     fn helped(
         &self,
         help: Help,
@@ -670,7 +670,7 @@ where
         forces
     }
 
-    /// What is known at the end of a load step, as the next begins from it.
+    /// The state at the end of a load step, from which the next one begins.
     pub(crate) fn settled(
         &self,
         before: &Deformation<D>,
@@ -771,7 +771,7 @@ impl<const D: usize> Configuration<D> {
         let zeros = &self.state.u;
         let product = [zeros.clone(), zeros.clone()];
         let mut kkt = (self.lawful()).conditions_by(self.scales, zeros, &self.lambda, &product);
-        // Bodies that turn without any load have no forces but rounding.
+        // Without any load the forces of turned bodies are rounding alone.
         let known = self.rounding / self.scales.force;
         if known.is_finite() && kkt.equilibrium <= known {
             kkt.equilibrium = 0.0;

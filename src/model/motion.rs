@@ -101,7 +101,7 @@ impl<const D: usize> Motion<D> {
     }
 }
 
-/// A [`Motion`] under a load factor; it may be none.
+/// A [`Motion`], if there is one, under a load factor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moved<'m, const D: usize> {
     pub of: Option<&'m Motion<D>>,
@@ -109,7 +109,7 @@ pub(crate) struct Moved<'m, const D: usize> {
 }
 
 impl<const D: usize> Moved<'_, D> {
-    /// Where a point of what moves has gone.
+    /// The present place of a point of the obstacle.
     fn point(&self, x: [f64; D]) -> [f64; D] {
         let Some(motion) = self.of else { return x };
         let turned = (motion.rotate).map_or(x, |turn| turn.at(x, self.factor));
