@@ -16,6 +16,7 @@ use crate::model::{
 use crate::problem::{ContactProblem, Kkt};
 use crate::quasistatic::{self, Round, StepSettings, StepSolution};
 use crate::solve::{Error, Event, Solved};
+use crate::sparse::norm_max;
 use crate::ssnm::{Cause, RecycledSubspace, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -192,7 +193,7 @@ where
                 .configuration(before, moments, &now, first, HELP[0])?;
             if !first {
                 let violation = at.violation();
-                let off = violation.max().max(at.unmoved(&now.displacement));
+                let off = norm_max(&[violation.max(), at.unmoved(&now.displacement)]);
                 if !off.is_finite() {
                     return Ok(Err(Ended::Lost));
                 }

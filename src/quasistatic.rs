@@ -253,6 +253,8 @@ impl<const D: usize> StepSolution<D> {
     }
 }
 
+/// The tolerance of a check is at most this, even if rounds ask for less: a tolerance must be below 1.
+const COARSEST: f64 = 0.1;
 /// A body counts as pushed if this part of the largest imbalance acts on it.
 const PUSHED: f64 = 1e-3;
 
@@ -429,7 +431,7 @@ where
         let mut numbers = ssnm.numbers;
         let of_rounds = status == Status::Converged;
         let tolerance = if of_rounds {
-            (ssnm::MET * wanted).max(tolerance)
+            (ssnm::MET * wanted).min(COARSEST).max(tolerance)
         } else {
             tolerance
         };
