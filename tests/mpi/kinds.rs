@@ -258,10 +258,9 @@ y = 0
 [[foundation]]
 boundary = "low-bottom"
 stiffness = { normal = "2e8 * (1 + x)" }
-[[spring]]
+[[support]]
 boundary = "low-left"
-direction = [1, 0, 0]
-stiffness = 3e6
+x = 0
 [[spring]]
 point = [0.5, 0.5, 1]
 to = { point = [0, 0.5, 0] }
