@@ -264,7 +264,7 @@ fn changes_that_make_no_sense_are_refused() {
             "active = [1]",
             "active needs 2 finite numbers, one for each load step",
         ),
-        ("", "active = [0, 1]", "active belongs to load steps"),
+        ("", "active = [0, 1]", "active applies to load steps"),
         (
             two,
             "active = [1, 2]",
