@@ -143,7 +143,7 @@ def test_manners() -> None:
         ({"friction": [0.3]}, "friction: expected 10 entries, found 1"),
         ({"friction": -0.3}, r"μ\(0\) = -3e-1"),
         ({"dimension": 4}, "dimension: must be 2 or 3, not 4"),
-        ({"order": "ours"}, 'order: it is "interleaved" or "blocks"'),
+        ({"order": "ours"}, 'order: must be "interleaved" or "blocks"'),
         ({"diagonal": 1.0}, "diagonal: W is a matrix and has its own"),
         ({"tol": 1e-3}, "tol: no solve has such a setting; did you mean tolerance"),
     ]
