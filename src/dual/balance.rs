@@ -9,7 +9,7 @@
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FloatingBodies;
-use crate::rounding::{DEPENDENT, ROUNDING};
+use crate::rounding::{DEPENDENT, INDEPENDENT, ROUNDING};
 use crate::sparse::{Csr, add_times, dot, norm_max};
 use faer::Mat;
 use std::array::from_fn;
@@ -46,6 +46,23 @@ pub(crate) struct Balance {
     without_contact: Vec<f64>,
     /// [`CURVATURE`], or less if the balance of the bodies requires it.
     curvature: f64,
+}
+
+/// The forces that an imbalance along a motion is measured by.
+#[derive(Clone, Copy, Default)]
+struct Scale {
+    /// Those on its body.
+    own: f64,
+    /// Those on bodies that share a multiplier with it, as these can pass them on: a multiplier that balances a loaded body
+    /// is known up to the rounding of that load, however small the forces on the other body are.
+    beside: f64,
+}
+
+impl Scale {
+    /// Their rounding error.
+    fn rounding(self) -> f64 {
+        ROUNDING * (self.own + self.beside)
+    }
 }
 
 /// The nearest point of Λₑ.
@@ -180,16 +197,34 @@ impl Balance {
     }
 
     /// The forces that act on each motion, if the contact forces are λ: those of its body, because a motion without a
-    /// share in any of them has to be balanced too.
-    fn rounding(&self, lambda: &[f64]) -> Vec<f64> {
+    /// share in any of them has to be balanced too, and those of bodies beside it.
+    fn scales(&self, lambda: &[f64]) -> Vec<Scale> {
         let mut sums = vec![0.0_f64; self.shares.n_cols()];
         for (&body, &acting) in self.body.iter().zip(&self.acting) {
             sums[body] = sums[body].max(acting);
         }
         let sizes: Vec<f64> = lambda.iter().map(|l| l.abs()).collect();
         self.shares.mul_transpose_add(1.0, &sizes, &mut sums);
+        let mut beside = vec![0.0_f64; sums.len()];
+        for i in 0..self.shares.n_rows() {
+            let (bodies, shares) = self.shares.row(i);
+            let shares: Vec<f64> = shares.iter().map(|v| v[0][0]).collect();
+            let least = INDEPENDENT * norm_max(&shares);
+            let all = || bodies.iter().zip(&shares).filter(|(_, s)| **s > least);
+            // The multiplier is as large as the forces on either body allow.
+            let most = all().fold(0.0_f64, |most, (&b, s)| most.max(sums[b as usize] / s));
+            for (&b, s) in all().filter(|_| bodies.len() > 1) {
+                beside[b as usize] = beside[b as usize].max(s * most);
+            }
+        }
         (self.body.iter().zip(&self.lengths))
-            .map(|(&body, &l)| if l > 0.0 { sums[body] / l } else { 0.0 })
+            .map(|(&body, &l)| match l > 0.0 {
+                true => Scale {
+                    own: sums[body] / l,
+                    beside: beside[body] / l,
+                },
+                false => Scale::default(),
+            })
             .collect()
     }
 
@@ -208,7 +243,10 @@ impl Balance {
     ) -> Nearest {
         let k = self.count();
         let mut now = Trial::at(vec![0.0; k], x.to_vec(), &project);
-        let acting = norm_max(&self.rounding(&vec![0.0; x.len()]));
+        let without = self.scales(&vec![0.0; x.len()]);
+        let acting = without
+            .iter()
+            .fold(0.0_f64, |most, scale| most.max(scale.own));
         // A motion without resistance takes up the rounding of the slope divided by this, which must not come back larger.
         let least = self.curvature.min(100.0 * ROUNDING);
         let curvature = (self.curvature * acting / norm_max(x).max(acting)).max(least);
@@ -216,8 +254,8 @@ impl Balance {
         loop {
             now = self.pass(now, curvature, &project);
             let left = self.excess(&now.lambda);
-            let rounding = self.rounding(&now.lambda);
-            if (0..k).all(|j| left[j].abs() <= ROUNDING * rounding[j]) {
+            let scales = self.scales(&now.lambda);
+            if (0..k).all(|j| left[j].abs() <= scales[j].rounding()) {
                 break;
             }
             // The imbalance of a body that nothing holds stays, pass by pass; that of a slab on a foot of 1e-5 of it falls, but
@@ -271,8 +309,8 @@ impl Balance {
         };
         let mut slope = slope_at(&now);
         for _ in 0..STEPS {
-            let rounding = self.rounding(&now.terms);
-            if (slope.iter().zip(&rounding)).all(|(s, r)| s.abs() <= ROUNDING * r) {
+            let scales = self.scales(&now.terms);
+            if (slope.iter().zip(&scales)).all(|(s, scale)| s.abs() <= scale.rounding()) {
                 break;
             }
             let direction = self.newton_direction(&now.derivatives, &slope, curvature);
@@ -358,10 +396,11 @@ impl Balance {
         self.is_met(lambda, 100.0 * ROUNDING)
     }
 
-    /// Whether no imbalance of λ is more than this part of the forces that act.
+    /// Whether no imbalance of λ is more than this part of the forces that act, or than the rounding of forces on bodies beside.
     pub fn is_met(&self, lambda: &[f64], part: f64) -> bool {
         let excess = self.excess(lambda);
-        (excess.iter().zip(self.rounding(lambda))).all(|(v, r)| v.abs() <= part * r)
+        let most = |scale: Scale| part * scale.own + 100.0 * ROUNDING * scale.beside;
+        (excess.iter().zip(self.scales(lambda))).all(|(v, scale)| v.abs() <= most(scale))
     }
 
     /// The least forces that balance the bodies. An imbalance that no forces can remove is given up: from here on only

@@ -258,9 +258,10 @@ y = 0
 [[foundation]]
 boundary = "low-bottom"
 stiffness = { normal = "2e8 * (1 + x)" }
-[[support]]
+[[spring]]
 boundary = "low-left"
-x = 0
+direction = [1, 0, 0]
+stiffness = 3e6
 [[spring]]
 point = [0.5, 0.5, 1]
 to = { point = [0, 0.5, 0] }
