@@ -24,7 +24,7 @@ pub use rows::{ContactRows, contact_rows};
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Location, Topology, bounds};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, bounds};
 use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
 
@@ -72,7 +72,10 @@ pub const EDGE_ANGLE: f64 = 50.0;
 
 /// The definition of a contact apart from its boundaries.
 #[derive(Clone, Copy)]
-pub struct PairOptions<'a, const D: usize = 2> {
+pub struct PairOptions<'a, const D: usize = 2>
+where
+    ElementKind: Topology<D>,
+{
     /// The friction law.
     pub friction: Friction<'a, D>,
     /// The initial gap as a function of the place, instead of the distance of the meshes.
@@ -100,9 +103,15 @@ pub struct PairOptions<'a, const D: usize = 2> {
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
     /// obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
+    /// Between bodies that have moved, the mesh at rest: fields are functions of places there, edges cut the boundaries into
+    /// parts as they did there, and gaps are the distances of the moved boundaries, of either sign.
+    pub rest: Option<&'a Mesh<D>>,
 }
 
-impl<const D: usize> Default for PairOptions<'_, D> {
+impl<const D: usize> Default for PairOptions<'_, D>
+where
+    ElementKind: Topology<D>,
+{
     fn default() -> Self {
         Self {
             friction: Friction::None,
@@ -116,13 +125,20 @@ impl<const D: usize> Default for PairOptions<'_, D> {
             symmetry: None,
             held: None,
             search_distance: None,
+            rest: None,
         }
     }
 }
 
-impl<const D: usize> PairOptions<'_, D> {
+impl<const D: usize> PairOptions<'_, D>
+where
+    ElementKind: Topology<D>,
+{
     /// The effective gap at x, where the geometry gives `distance`.
     fn gap_at(&self, x: [f64; D], distance: f64, rounding: f64) -> f64 {
+        if self.rest.is_some() {
+            return distance;
+        }
         if let Some(interference) = self.interference {
             return -interference(x);
         }
@@ -153,7 +169,7 @@ impl<const D: usize> PairOptions<'_, D> {
 
     /// Whether a gap may be negative.
     fn may_overlap(&self) -> bool {
-        self.interference.is_some() || self.overlap
+        self.interference.is_some() || self.overlap || self.rest.is_some()
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
@@ -180,19 +196,18 @@ impl<const D: usize> PairOptions<'_, D> {
     }
 
     /// The search distance between the boundary `facets` and another one.
-    pub fn distance_between(&self, body: &Body<D>, facets: &[Facet<D>], others: &[Facet<D>]) -> f64
-    where
-        ElementKind: Topology<D>,
-    {
+    pub fn distance_between(
+        &self,
+        body: &Body<D>,
+        facets: &[Facet<D>],
+        others: &[Facet<D>],
+    ) -> f64 {
         self.search_distance
             .unwrap_or_else(|| reach([around(body, facets), around(body, others)]))
     }
 
     /// The search distance between the boundary `facets` and an obstacle.
-    pub fn distance_to(&self, body: &Body<D>, facets: &[Facet<D>], obstacle: &Obstacle<D>) -> f64
-    where
-        ElementKind: Topology<D>,
-    {
+    pub fn distance_to(&self, body: &Body<D>, facets: &[Facet<D>], obstacle: &Obstacle<D>) -> f64 {
         self.search_distance
             .unwrap_or_else(|| reach([around(body, facets), obstacle.bounds()]))
     }

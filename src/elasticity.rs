@@ -24,7 +24,7 @@ pub(crate) use assembly::assemble_rows;
 pub(crate) use assembly::{add_block, free_forces, tangent_forces};
 pub use assembly::{assemble, internal_forces, load_vector};
 pub(crate) use bedding::Bedding;
-pub use finite::{Deformed, Resistance};
+pub use finite::{Deformed, Loose, Resistance};
 pub use stress::{Stress, cauchy_stresses, stresses, stresses_at};
 pub use unknowns::Unknowns;
 pub use vertices::vertices;

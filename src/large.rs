@@ -5,19 +5,20 @@
 //! supports of the displaced bodies are met, all checked in f64. A step that does not converge is halved; the state before it
 //! is kept.
 
+mod anderson;
+
 use crate::contact::Space;
 use crate::dual::DualError;
 use crate::engine::{Engine, EngineError};
 use crate::mesh::ElementKind;
 use crate::mesh::vector::minus;
-use crate::model::{
-    Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
-};
+use crate::model::{Built, Configuration, Deformation, Elastic, Help, Moment, StepData};
 use crate::problem::{ContactProblem, Kkt};
-use crate::quasistatic::{self, Round, StepSettings, StepSolution};
+use crate::quasistatic::{self, NotHeld, Round, StepSettings, StepSolution};
 use crate::solve::{Error, Event, Solved};
 use crate::sparse::norm_max;
-use crate::ssnm::{Cause, RecycledSubspace, Status};
+use crate::ssnm::{Cause, RecycledSubspace, Sets, Status};
+use anderson::Anderson;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -55,8 +56,13 @@ const HELP: [Help; 5] = {
 enum Ended {
     /// It took too many iterations, elements collapsed, or no remedy made its tangent definite.
     Lost,
+    /// Contact does not hold these bodies.
+    NotHeld(Vec<NotHeld>),
     Stopped(Status),
 }
+
+/// The displacements of all nodes, and the forces of all contact places.
+type Moved<const D: usize> = (Vec<[f64; D]>, Vec<[f64; D]>);
 
 /// Where a step has come to.
 struct Reached<const D: usize>
@@ -186,11 +192,15 @@ where
         let mut now = before.clone();
         let mut inner = INNER;
         let mut least = self.elastic.least_volume(&now.displacement);
+        let (mut anderson, mut sets) = (Anderson::default(), None::<Sets<D>>);
         for iteration in 0..=MOST {
             let first = iteration == 0;
-            let at = self
-                .elastic
-                .configuration(before, moments, &now, first, HELP[0])?;
+            let made = (self.elastic).configuration(before, moments, &now, first, HELP[0]);
+            let at = match made {
+                // A boundary that is folded on the way is not the fault of the model.
+                Err(error) if !first && error.is_folded() => return Ok(Err(Ended::Lost)),
+                made => made?,
+            };
             if !first {
                 let violation = at.violation();
                 let off = norm_max(&[violation.max(), at.unmoved(&now.displacement)]);
@@ -199,9 +209,12 @@ where
                 }
                 if off <= tolerance {
                     self.elastic.check_driven(&at)?;
+                    if self.elastic.is_pierced(&now, &at.touches)? {
+                        return Ok(Err(Ended::Lost));
+                    }
                     let unstable = !self.is_stable(before, moments, &now, &at)?;
                     return Ok(Ok(Reached {
-                        settled: self.elastic.settled(before, now, &at),
+                        settled: self.elastic.settled(now, &at),
                         at,
                         violation,
                         iterations: iteration,
@@ -222,7 +235,7 @@ where
                 Status::TimeLimit | Status::Interrupted => {
                     return Ok(Err(Ended::Stopped(solution.status)));
                 }
-                Status::NotHeld => return Ok(Err(Ended::Lost)),
+                Status::NotHeld => return Ok(Err(Ended::NotHeld(solution.not_held))),
                 _ => {}
             }
             let moves = at.left.displacements(&solution.u);
@@ -245,22 +258,70 @@ where
                     return Ok(Err(Ended::Lost));
                 }
             };
-            now.forces = match part {
-                1.0 => forces,
-                _ => (forces.iter().enumerate())
-                    .map(|(i, new)| {
-                        let old = turned_with(now.forces[i], now.normals[i], at.normals[i]);
-                        std::array::from_fn(|c| old[c] + part * (new[c] - old[c]))
-                    })
-                    .collect(),
-            };
+            let new: Vec<[f64; D]> = (at.touches.iter().zip(forces))
+                .map(|(touch, new)| match part {
+                    1.0 => new,
+                    _ => std::array::from_fn(|c| touch.force[c] + part * (new[c] - touch.force[c])),
+                })
+                .collect();
+            let mut to = (displacement, new);
+            let goes_on = at.is_alike && sets.is_some_and(|before| before.are_like(&solution.sets));
+            if first || part < 1.0 || !goes_on {
+                anderson.clear();
+            }
+            if self.elastic.slides_anywhere() && !first && part == 1.0 {
+                match self.accelerated(&mut anderson, &now, &at, &to) {
+                    Some((volume, better)) if volume >= PRESSED * least.min(1.0) => {
+                        (least, to) = (volume, better);
+                    }
+                    _ => anderson.clear(),
+                }
+            }
+            sets = Some(solution.sets);
+            let (displacement, forces) = to;
+            now.touches = at.touches;
+            for (touch, force) in now.touches.iter_mut().zip(forces) {
+                touch.force = force;
+            }
             now.step = (displacement.iter().zip(&now.displacement))
                 .map(|(new, old)| minus(*new, *old))
                 .collect();
             now.displacement = displacement;
-            now.normals.clone_from(&at.normals);
         }
         Ok(Err(Ended::Lost))
+    }
+
+    /// The combination of the last iterations that is nearest to a fixed point, and its least det F; None where contact would pull.
+    fn accelerated(
+        &self,
+        anderson: &mut Anderson,
+        now: &Deformation<D>,
+        at: &Configuration<D>,
+        to: &Moved<D>,
+    ) -> Option<(f64, Moved<D>)> {
+        let soft = at.problem.compliance();
+        let soft = soft.iter().sum::<f64>() / soft.len().max(1) as f64;
+        let packed = |u: &[[f64; D]], forces: Vec<[f64; D]>| -> Vec<f64> {
+            let forces = forces.as_flattened().iter().map(|f| soft * f);
+            u.as_flattened().iter().copied().chain(forces).collect()
+        };
+        let from = at.touches.iter().map(|touch| touch.force).collect();
+        let next = anderson.next(packed(&now.displacement, from), packed(&to.0, to.1.clone()));
+        let (u, forces) = next.split_at(D * to.0.len());
+        let vector = |v: &[f64]| -> [f64; D] { std::array::from_fn(|c| v[c]) };
+        let u: Vec<[f64; D]> = u.chunks_exact(D).map(vector).collect();
+        let forces = forces
+            .chunks_exact(D)
+            .zip(&at.touches)
+            .map(|(force, touch)| {
+                let force = vector(force).map(|f| f / soft);
+                match self.elastic.pairs[touch.pair as usize].tied {
+                    true => Some(force),
+                    false => touch.within_law(force),
+                }
+            });
+        let forces: Vec<[f64; D]> = forces.collect::<Option<_>>()?;
+        Some((self.elastic.least_volume(&u), (u, forces)))
     }
 
     /// Whether the bodies stay where they are when they are pushed a little: their tangent is definite, by itself or where contact that
@@ -384,7 +445,7 @@ where
         let mut time = end - 1.0;
         let mut last: Option<Reached<D>> = None;
         let mut parts = 0;
-        let mut failed = None;
+        let (mut failed, mut not_held) = (None, Vec::new());
         while time < end {
             let to_time = if time + longest > end - 1e-9 {
                 end
@@ -419,6 +480,13 @@ where
                         break;
                     }
                 }
+                Err(Ended::NotHeld(bodies)) => {
+                    longest = 0.5 * longest.min(to_time - time);
+                    if longest < 0.5_f64.powi(CUTS) {
+                        (failed, not_held) = (Some(Status::NotHeld), bodies);
+                        break;
+                    }
+                }
             }
         }
         // Where nothing of a step could be made, its end is its beginning.
@@ -437,7 +505,7 @@ where
         };
         let (built, data, mut solution) = process.results(reached, &from);
         if let Some(status) = failed {
-            solution.status = status;
+            (solution.status, solution.not_held) = (status, not_held);
         }
         let goes_on = solution.status == Status::Converged;
         let solved = Solved {
@@ -452,20 +520,4 @@ where
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::vector::length;
-
-    /// The turn that takes one direction to another keeps lengths.
-    #[test]
-    fn forces_turn_with_their_obstacle() {
-        let (from, to) = ([0.6, 0.0, 0.8], [0.0, -1.0, 0.0]);
-        let turned = turned_with(from, from, to);
-        assert!((0..3).all(|c| (turned[c] - to[c]).abs() < 1e-15));
-        let v = [0.3, -2.0, 0.7];
-        assert!((length(turned_with(v, from, to)) - length(v)).abs() < 1e-14);
-    }
 }

@@ -67,7 +67,7 @@ pub use contacts::PairData;
 pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
-pub(crate) use large::{Configuration, Deformation, Help, Moment, turned_with};
+pub(crate) use large::{Configuration, Deformation, Help, Moment};
 pub use loads::{StepData, TemperatureField};
 pub use motion::Motion;
 pub use pair::Pair;
@@ -153,7 +153,7 @@ pub(crate) struct Whole<const D: usize = 2> {
     gravity: Option<[f64; D]>,
     rotation: Option<Rotation<D>>,
     #[serde(default, skip_serializing_if = "stated::is_default")]
-    geometry: Geometry,
+    pub(crate) geometry: Geometry,
 }
 
 /// The size of displacements.

@@ -79,6 +79,8 @@ pub struct SlaveFacet<const D: usize> {
     depth: Depth,
     /// The directions along which some of its nodes are held.
     held: Vec<HeldAlong<D>>,
+    /// Whether bodies have moved.
+    has_moved: bool,
 }
 
 /// Directions along which the same nodes of a facet are held.
@@ -374,6 +376,7 @@ where
         .into_par_iter()
         .map(|number| {
             let mut slave = SlaveFacet::new(body, &first, number);
+            slave.has_moved = options.rest.is_some();
             if let Some(held) = options.held {
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
@@ -415,7 +418,10 @@ where
     }
     Ok(MortarContact {
         places: found,
-        unmet: unmet(body, [&first, &second], &shares, distance),
+        unmet: match options.rest {
+            None => unmet(body, [&first, &second], &shares, distance),
+            Some(_) => None,
+        },
     })
 }
 
@@ -486,6 +492,7 @@ impl<const D: usize> SlaveFacet<D> {
             slack: surface.slack[number],
             depth: body.depth(),
             held: Vec::new(),
+            has_moved: false,
         }
     }
 
@@ -512,12 +519,16 @@ impl<const D: usize> SlaveFacet<D> {
     fn places(&self) -> &[[f64; D]] {
         &self.nodes[..self.len]
     }
-}
 
-/// The part of its size that may be missed along a border of a facet that bends by `bend`: zero for a flat one, whose border
-/// shows that of the other side.
-fn missed(bend: f64) -> f64 {
-    bend.clamp(SAME, MISSED)
+    /// The part of its size that may be missed along its border if it bends by `bend`: zero for a flat one, whose border
+    /// shows that of the other side. Where bodies have moved, borders that met at rest differ a little, and Newton's
+    /// method needs the same places at each of its iterations.
+    fn missed(&self, bend: f64) -> f64 {
+        match self.has_moved {
+            true => MISSED,
+            false => bend.clamp(SAME, MISSED),
+        }
+    }
 }
 
 /// The largest deviation of a facet of second order from the smooth surface through its nodes: an edge of length h whose

@@ -107,6 +107,8 @@ where
             continue;
         };
         let place = mesh.nodes[node as usize];
+        // Of fields: where the node was at rest.
+        let origin = options.rest.map_or(place, |rest| rest.nodes[node as usize]);
         if !normal.iter().all(|v| v.is_finite()) {
             let obstacle = match met {
                 Met::Obstacle(obstacle) => obstacle.name(),
@@ -135,7 +137,7 @@ where
             Friction::Tresca(tresca) => area * tresca(place),
             _ => 0.0,
         };
-        let slip_bound = match options.friction.at(place, bound)? {
+        let slip_bound = match options.friction.at(origin, bound)? {
             SlipBound::Given(_) if gap > within => SlipBound::Given(0.0),
             slip_bound => slip_bound,
         };
@@ -150,7 +152,7 @@ where
             area,
             pool: places.len() as u32,
             slip_bound,
-            compliance: options.compliance_at(place, area)?,
+            compliance: options.compliance_at(origin, area)?,
         });
     }
     if places.is_empty() {

@@ -45,6 +45,22 @@ where
     pub step: Option<&'a [[f64; D]]>,
     /// Whether the tangent is made without stresses that soften it.
     pub stiffened: bool,
+    /// What holds each node of bodies that can move as a whole; empty: none can.
+    pub loose: &'a [Loose],
+}
+
+/// A node of a body that no support holds, or not in every way: the tangent of its elements is made without stresses, so that it
+/// does not resist motions as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Loose {
+    /// It is of no such body.
+    #[default]
+    No,
+    /// Its body is free.
+    Free,
+    /// Supports hold its body in some ways, and the tangent is that of rest. Where the held nodes have moved a little, they resist
+    /// every motion a little: a stiffness that is nothing beside that of contact, and would ruin the condition of A.
+    Partly,
 }
 
 /// The moduli of an element, of the plane or of space.
@@ -89,6 +105,8 @@ struct Strained<const D: usize, const N: usize> {
     left: [[f64; D]; D],
     /// F ∇φ.
     pushed: [[f64; D]; N],
+    /// Whether the tangent is made without stresses.
+    unstressed: bool,
 }
 
 fn times<const D: usize>(m: &[[f64; D]; D], v: &[f64; D]) -> [f64; D] {
@@ -214,6 +232,7 @@ impl Law {
             s_across,
             left,
             pushed,
+            unstressed: false,
         }
     }
 }
@@ -258,6 +277,17 @@ impl<const D: usize, const N: usize> Strained<D, N> {
         }
     }
 
+    /// Leaves out all stresses from the tangent.
+    fn loosen(&mut self, law: &Law) {
+        /// The part of μ that is left where a neo-Hookean material is stretched so far that its moduli would vanish.
+        const LEFT: f64 = 0.5;
+        self.unstressed = true;
+        match law.kind {
+            Hyperelastic::NeoHooke => self.q = self.q.min((1.0 - LEFT) * law.mu),
+            Hyperelastic::StVenantKirchhoff => (self.s, self.s_across) = ([[0.0; D]; D], 0.0),
+        }
+    }
+
     /// ∂ϑ/∂u of node a.
     fn dilatation(&self, a: usize) -> [f64; D] {
         let mut part = self.p[a];
@@ -297,8 +327,15 @@ impl<const D: usize, const N: usize> Strained<D, N> {
                             w * (rest * self.p[b][i] * self.p[a][k] + self.lambda * pa[i] * pb[k]);
                     }
                 }
-                let hoops = mu * self.hoop[a] * self.hoop[b] + rest * self.round[a] * self.round[b];
-                (mu * plain, hoops)
+                // The stresses S = μ I + (q − μ) C⁻¹ weigh ∇φ·S ∇φ.
+                let (along, round) = match self.unstressed {
+                    true => (
+                        rest * dot(self.p[a], self.p[b]),
+                        rest * self.round[a] * self.round[b],
+                    ),
+                    false => (mu * plain, mu * self.hoop[a] * self.hoop[b]),
+                };
+                (along, round + rest * self.round[a] * self.round[b])
             }
             Hyperelastic::StVenantKirchhoff => {
                 for i in 0..D {
@@ -403,9 +440,13 @@ where
             (law.lambda, law.bulk) = (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu);
         }
         let at_nodes = |all: &[[f64; D]]| from_fn(|a| all[element.nodes()[a] as usize]);
+        let loose = of.loose_at(element);
         let mut made = Self {
             law,
-            u: at_nodes(of.displacement),
+            u: match loose {
+                Loose::Partly => [[0.0; D]; N],
+                _ => at_nodes(of.displacement),
+            },
             step: of.step.map_or([[0.0; D]; N], at_nodes),
             x,
             projected: None,
@@ -428,7 +469,9 @@ where
         });
         for (at, point) in strained.iter_mut().zip(&points) {
             at.close(law.kind, made.projected_at(point.place(&x)));
-            if of.stiffened {
+            if loose != Loose::No {
+                at.loosen(&law);
+            } else if of.stiffened {
                 at.stiffen(&law);
             }
         }
@@ -671,7 +714,15 @@ where
             temperature,
             step: None,
             stiffened: false,
+            loose: &[],
         }
+    }
+
+    /// What holds an element's body: nodes that supports hold say nothing.
+    fn loose_at(&self, element: &mesh::Element<D>) -> Loose {
+        let of_nodes = element.nodes().iter();
+        let mut of_nodes = of_nodes.filter_map(|&node| self.loose.get(node as usize));
+        *of_nodes.find(|is| **is != Loose::No).unwrap_or(&Loose::No)
     }
 
     /// The nodal forces that hold the bodies where they are, and their strain energy.

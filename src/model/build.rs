@@ -1,9 +1,11 @@
 //! From a model to a contact problem.
 
 use super::analysis::{Analysis, AnyAnalysis};
+use super::contacts::Sliding;
 use super::elastic::Elastic;
 use super::entities::Part as _;
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
+use super::large::LooseBody;
 use super::loads::{StepData, acting, end_of, region};
 use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
@@ -112,11 +114,9 @@ where
         if let Some(text) = analysis.loose_body() {
             return Err(loose(&text));
         }
-        if elastic.is_large()
-            && let Some(text) = analysis.floating_bodies().first()
-        {
-            let text = format!("{text}; with large displacements, supports have to hold each body");
-            return Err(loose(&text));
+        if elastic.is_large() {
+            let bodies = problem.floating_bodies().bodies().iter();
+            elastic.loose = bodies.map(|body| LooseBody::new(&elastic, body)).collect();
         }
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
         Ok(Built { problem, elastic })
@@ -175,9 +175,12 @@ where
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
-        let mut kept = Vec::new();
+        let (mut kept, mut sliding) = (Vec::new(), Sliding::default());
         match definition.is_large() {
-            true => kept.extend(candidates.places.into_iter().zip(candidates.pair_of)),
+            true => {
+                sliding = definition.sliding(&body, &unknowns, &candidates)?;
+                kept.extend(candidates.places.into_iter().zip(candidates.pair_of));
+            }
             false => definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?,
         }
         definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
@@ -192,6 +195,8 @@ where
             support_centres,
             contact,
             candidates: kept,
+            sliding,
+            loose: Vec::new(),
             pairs: candidates.pairs,
             pair_of,
             units: definition.units(),

@@ -8,12 +8,14 @@ use super::pair::{Against, Law};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Equal, Pair, Units};
 use crate::contact::{
-    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Friction, Met, Obstacle, PairOptions,
-    Space, Unmet, equal_nodes, mortar_contact, node_contact, obstacle_contact,
+    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Met, Obstacle, PairOptions, Space, Unmet,
+    equal_nodes, mortar_contact, node_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -100,6 +102,11 @@ where
     /// Whether it ties single nodes, and has no sides: nodes that move alike, or a spring.
     pub fn is_of_nodes(&self) -> bool {
         self.tied && self.others.is_empty()
+    }
+
+    /// Whether two bodies meet that are not tied.
+    pub(super) fn slides(&self) -> bool {
+        !self.tied && self.obstacle.is_none()
     }
 
     /// Whether it is nodes that move alike.
@@ -209,6 +216,38 @@ where
 /// Unit vectors that belong to nodes.
 type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
+/// What is needed to find the contact places of bodies again where these have moved.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sliding<const D: usize> {
+    /// The planes of symmetry of nodes.
+    symmetry: Directions<D>,
+    /// The directions along which nodes are held.
+    held: Directions<D>,
+    /// Of contacts between two bodies, by their numbers.
+    pub(super) stated: HashMap<u32, Stated>,
+}
+
+/// The difference between the gap that is stated for two bodies at rest and that between their meshes.
+#[derive(Clone, Debug)]
+pub(super) struct Stated {
+    /// The longest way between corners of a facet of the boundary that has the multipliers, and of either.
+    pub(super) facet: f64,
+    pub(super) longest: f64,
+    /// At nodes of the boundary that has the multipliers; none where they are equal.
+    beyond: HashMap<u32, f64>,
+    /// The deepest overlap that is stated.
+    depth: f64,
+}
+
+impl Stated {
+    /// What belongs to the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
+    pub(super) fn beyond<const D: usize>(&self, place: &ContactPlace<D>, grown: f64) -> f64 {
+        let of_nodes = place.own.iter();
+        let of_nodes = of_nodes.map(|(node, w)| w * self.beyond.get(node).unwrap_or(&0.0));
+        of_nodes.sum::<f64>() + (1.0 - grown) * self.depth
+    }
+}
+
 /// Whether all nodes of facets are held along the normals of these.
 fn held_across<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>], held: &Directions<D>) -> bool
 where
@@ -231,13 +270,13 @@ where
     ElementKind: Space<D>,
 {
     /// Looks for its contact places; `symmetry` has the planes of symmetry of nodes, `held` the directions along which they
-    /// are held.
+    /// are held. Where displacements are `large`, bodies may meet later.
     fn find(
         &self,
         body: &Body<D>,
         units: &Units,
-        symmetry: &Directions<D>,
-        held: &Directions<D>,
+        [symmetry, held]: [&Directions<D>; 2],
+        large: bool,
     ) -> Result<Found<D>, Fault> {
         let mesh = body.mesh;
         let nodes = match self.is_by_nodes() {
@@ -248,10 +287,7 @@ where
             true => mesh.outer_facets_at(&nodes, false),
             false => outer_facets(mesh, self.side().all())?,
         };
-        let law = |x| match &self.law {
-            Law::None | Law::Tied => 0.0,
-            Law::Tresca(value) | Law::Coulomb(value) => value.at(x),
-        };
+        let law = |x| self.law.at(x);
         // Overlapping arcs lose that overlap as polygons.
         let mut off = None;
         let of_arcs = match self.meets() {
@@ -273,12 +309,7 @@ where
             move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
         });
         let mut options = PairOptions {
-            friction: match &self.law {
-                Law::None => Friction::None,
-                Law::Tied => Friction::Tied,
-                Law::Tresca(_) => Friction::Tresca(&law),
-                Law::Coulomb(_) => Friction::Coulomb(&law),
-            },
+            friction: self.law.of_fields(&law),
             gap: (self.gap.is_some() || self.is_tie() || of_arcs.is_some()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
             stiffness: [
@@ -292,6 +323,7 @@ where
             symmetry: Some(symmetry),
             held: Some(held),
             search_distance: self.search_distance,
+            rest: None,
         };
         let (mut others, mut unmet) = (Vec::new(), None);
         let mut boundary = self.side().to_string();
@@ -348,6 +380,10 @@ where
             sagitta: off,
             ..PairData::between(&self.name, boundary, against, self.friction(units))
         };
+        let found = match found {
+            Err(ContactError::Apart { .. }) if large && data.slides() => Ok(Vec::new()),
+            found => found,
+        };
         let found = found.map_err(|error| match error {
             ContactError::Apart { distance, nearest } if self.is_tie() && nearest > distance => {
                 Fault::Stated(format!(
@@ -358,6 +394,49 @@ where
             error => Fault::Contact(error),
         })?;
         Ok((found, data))
+    }
+}
+
+impl<const D: usize> Pair<D>
+where
+    ElementKind: Space<D>,
+{
+    /// The contact places of two bodies that have moved, as those of `rest` have; none where they are too far from each other.
+    pub(super) fn meet_moved(
+        &self,
+        body: &Body<D>,
+        data: &PairData<D>,
+        rest: &Mesh<D>,
+        sliding: &Sliding<D>,
+    ) -> Result<Vec<ContactPlace<D>>, ContactError> {
+        let law = |x| self.law.at(x);
+        let [normal, tangential] = (self.stiffness.both())
+            .map(|stiffness| move |x| stiffness.map_or(f64::NAN, |k| k.at(x)));
+        let options = PairOptions {
+            friction: self.law.of_fields(&law),
+            stiffness: [
+                self.stiffness.both()[0].is_some().then_some(&normal),
+                self.stiffness.both()[1].is_some().then_some(&tangential),
+            ],
+            edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
+            symmetry: Some(&sliding.symmetry),
+            held: Some(&sliding.held),
+            search_distance: Some(data.search_distance),
+            rest: Some(rest),
+            ..PairOptions::default()
+        };
+        let (facets, others) = (&data.facets, &data.others);
+        let found = match self.is_by_nodes() {
+            true => {
+                let nodes = nodes_of_sets(rest, self.side()).unwrap_or_default();
+                node_contact(body, &nodes, facets, Met::Facets(others), &options)
+            }
+            false => mortar_contact(body, facets, others, &options).map(|found| found.places),
+        };
+        match found {
+            Err(ContactError::Apart { .. }) => Ok(Vec::new()),
+            found => found,
+        }
     }
 }
 
@@ -448,7 +527,7 @@ where
             pairs: Vec::new(),
         };
         let pairs = self.pairs.iter().chain(&self.ties);
-        let pairs = pairs.map(|pair| pair.find(body, &units, &symmetry, &held));
+        let pairs = pairs.map(|pair| pair.find(body, &units, [&symmetry, &held], self.is_large()));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         for (number, found) in pairs.chain(equals).chain(springs).enumerate() {
@@ -461,6 +540,77 @@ where
             all.pairs.push(data);
         }
         Ok(all)
+    }
+
+    /// What is needed to find the places of contacts between two bodies again where these have moved.
+    pub(super) fn sliding(
+        &self,
+        body: &Body<D>,
+        unknowns: &Unknowns<D>,
+        found: &Candidates<D>,
+    ) -> Result<Sliding<D>, ModelError> {
+        let mut sliding = Sliding {
+            symmetry: self.symmetry_planes(body.mesh)?,
+            held: self.held_directions(body.mesh, unknowns)?,
+            stated: HashMap::new(),
+        };
+        for (number, (pair, data)) in self.pairs.iter().zip(&found.pairs).enumerate() {
+            if data.obstacle.is_some() {
+                continue;
+            }
+            let failed = |error| pair.entity(number).error(Fault::Contact(error));
+            let drawn = pair
+                .meet_moved(body, data, body.mesh, &sliding)
+                .map_err(failed)?;
+            let here = found.pair_of.iter().zip(&found.places);
+            let here = here.filter(|(of, _)| **of as usize == number);
+            let mut depth = 0.0_f64;
+            let mut beyond: Vec<(&ContactPlace<D>, f64)> = (here.zip(&drawn))
+                .map(|((_, stated), drawn)| {
+                    depth = depth.max(-stated.gap);
+                    (stated, stated.gap - drawn.gap)
+                })
+                .collect();
+            let mut of_nodes = HashMap::new();
+            if beyond.iter().any(|place| place.1 != 0.0) {
+                let all = beyond.iter();
+                let all = all.map(|(place, value)| GeomWithData::new(place.place, *value));
+                let tree = RTree::bulk_load(all.collect());
+                let near = |node: u32| {
+                    let near = tree.nearest_neighbor(body.mesh.nodes[node as usize]);
+                    near.map_or(0.0, |near| near.data)
+                };
+                // Values at nodes whose means are those of the places: at corners first, which those at middles contain.
+                beyond.sort_by_key(|(place, _)| place.own.len());
+                for (place, value) in beyond {
+                    let Some(node) = place.node else { continue };
+                    let (mut rest, mut own) = (value, 1.0);
+                    for &(other, weight) in &place.own {
+                        match other == node {
+                            true => own = weight,
+                            false => {
+                                rest -=
+                                    weight * *of_nodes.entry(other).or_insert_with(|| near(other))
+                            }
+                        }
+                    }
+                    of_nodes.insert(node, rest / own);
+                }
+                for &node in data.facets.iter().flat_map(facet_nodes) {
+                    of_nodes.entry(node).or_insert_with(|| near(node));
+                }
+            }
+            let [facet, other] =
+                [&data.facets, &data.others].map(|facets| largest_facet(body.mesh, facets));
+            let stated = Stated {
+                facet,
+                longest: facet.max(other),
+                beyond: of_nodes,
+                depth,
+            };
+            sliding.stated.insert(number as u32, stated);
+        }
+        Ok(sliding)
     }
 
     /// Completes the data of the contacts with their remaining places.
@@ -507,7 +657,8 @@ where
                 ));
             }
         }
-        match pairs.iter().position(|pair| pair.places == 0) {
+        let is_idle = |pair: &PairData<D>| pair.places == 0 && !(self.is_large() && pair.slides());
+        match pairs.iter().position(is_idle) {
             None => Ok(()),
             Some(pair) => Err(self
                 .pair_entity(pair)

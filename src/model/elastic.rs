@@ -2,7 +2,8 @@
 
 #[cfg(feature = "mpi")]
 use super::Quantity;
-use super::contacts::PairData;
+use super::contacts::{PairData, Sliding};
+use super::large::LooseBody;
 use super::supports::Prescriptions;
 use super::{Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
@@ -52,6 +53,10 @@ where
     /// All places of contact at rest, each with its pair, for large displacements: the positions of the bodies determine which
     /// of them have rows.
     pub(super) candidates: Vec<(ContactPlace<D>, u32)>,
+    /// For contact of bodies whose displacements are large.
+    pub(super) sliding: Sliding<D>,
+    /// The bodies that can move as a whole, where displacements are large.
+    pub(super) loose: Vec<LooseBody>,
 }
 
 impl<const D: usize> Elastic<D>

@@ -16,6 +16,13 @@ pub struct ModelError {
     pub fault: Box<Fault>,
 }
 
+impl ModelError {
+    /// Whether a contact boundary turns back on itself.
+    pub(crate) fn is_folded(&self) -> bool {
+        matches!(*self.fault, Fault::Contact(ContactError::Folded { .. }))
+    }
+}
+
 /// A part of a model, such as `support 2 on "bottom"`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entity {

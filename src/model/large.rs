@@ -4,27 +4,29 @@
 //! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
 //! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
 
+mod meeting;
+
 use super::Definition;
 use super::build::problem_of;
 use super::elastic::Elastic;
 use super::entities::Part as _;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{StepData, TemperatureField, outer_facets};
-use super::motion::Moved;
-use super::pair::{Against, Law};
-use crate::contact::{
-    ContactError, ContactPlace, ContactRows, Obstacle, Space, contact_rows, frame,
-};
+use super::pair::Law;
+use crate::contact::{ContactPlace, ContactRows, Space, contact_rows};
 use crate::elasticity::{
-    Body, Deformed, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
+    Body, Deformed, Loose, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
 };
+use crate::mesh::bounds;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology, facet_nodes};
-use crate::problem::{ContactProblem, Elsewhere, Kkt, Scales};
+use crate::problem::{ContactProblem, Elsewhere, FloatingBody, Kkt, Scales};
 use crate::quasistatic::{Load, State, lawful};
 use crate::rounding::ROUNDING;
 use crate::sparse::{norm, norm_max};
 use crate::ssnm::Sets;
+use meeting::Meeting;
+pub(crate) use meeting::Touch;
 use std::array::from_fn;
 
 /// Loads, supports and obstacles at a time.
@@ -40,6 +42,8 @@ pub(crate) struct Moment<const D: usize> {
     temperature: TemperatureField<D>,
     /// The factors of the motions of obstacles, pair by pair.
     motions: Vec<f64>,
+    /// The part of overlaps that has been pressed apart: it grows in the first load step.
+    grown: f64,
 }
 
 /// Bodies in balance at the end of a load step, or of a part of one.
@@ -49,14 +53,33 @@ pub(crate) struct Deformation<const D: usize> {
     pub displacement: Vec<[f64; D]>,
     /// The part of it that the last iteration added.
     pub step: Vec<[f64; D]>,
-    /// The force of each place on its obstacle, along the axes.
-    pub forces: Vec<[f64; D]>,
-    /// The direction towards the obstacle that goes with it.
-    pub normals: Vec<[f64; D]>,
-    /// Where the nodes of each place are opposite on the obstacle.
-    feet: Vec<Vec<[f64; D]>>,
-    /// The slip of each place so far.
-    slipped: Vec<[f64; D]>,
+    /// The contact places, with their forces.
+    pub touches: Vec<Touch<D>>,
+}
+
+/// A body that no support holds, or not in every way.
+#[derive(Clone, Debug)]
+pub(crate) struct LooseBody {
+    nodes: Vec<u32>,
+    /// Half the diagonal of the box around it.
+    size: f64,
+    /// Whether supports hold it in some ways.
+    partly: bool,
+}
+
+impl LooseBody {
+    /// By what its stiffness says at rest.
+    pub(super) fn new<const D: usize>(elastic: &Elastic<D>, body: &FloatingBody<D>) -> Self
+    where
+        ElementKind: Space<D>,
+    {
+        let node = |&block: &u32| elastic.unknowns.node(block as usize);
+        Self {
+            nodes: body.nodes().iter().map(node).collect(),
+            size: body.size(),
+            partly: body.motions().len() < D * (D + 1) / 2,
+        }
+    }
 }
 
 /// How a tangent that is not definite is helped.
@@ -96,48 +119,10 @@ pub(crate) struct Configuration<const D: usize> {
     rounding: f64,
     /// λ, in the rows of the problem.
     pub lambda: Vec<f64>,
-    /// The slip of each place since the last load step.
-    slip: Vec<[f64; D]>,
-    feet: Vec<Vec<[f64; D]>>,
-    pub normals: Vec<[f64; D]>,
-    distances: Vec<f64>,
-}
-
-/// Distances, normals and slip of the contact places at the present configuration, candidate by candidate.
-struct Meeting<const D: usize> {
-    places: Vec<ContactPlace<D>>,
-    /// Since the last load step.
-    slip: Vec<[f64; D]>,
-    distances: Vec<f64>,
-    feet: Vec<Vec<[f64; D]>>,
-    normals: Vec<[f64; D]>,
-    bends: Vec<Bend<D>>,
-}
-
-/// A node of a place and its obstacle: along a round obstacle the contact force turns as the node moves.
-struct Bend<const D: usize> {
-    candidate: usize,
-    node: u32,
-    /// Of the node in its place.
-    weight: f64,
-    obstacle: Obstacle<D>,
-    /// Where the node is.
-    place: [f64; D],
-}
-
-/// v after the turn that takes one unit vector to another by the shortest way.
-pub(crate) fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
-    // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then in the plane across the bisector of both.
-    let half: [f64; D] = from_fn(|c| from[c] + to[c]);
-    let size = dot(half, half);
-    if !(size > 1e-12) {
-        return v.map(|v| -v);
-    }
-    let along = 2.0 * dot(v, from);
-    let mirrored: [f64; D] = from_fn(|c| v[c] - along * from[c]);
-    // −(I − 2hhᵀ/h²)(I − 2 from fromᵀ) takes `from` to `to` and keeps the directions across both.
-    let part = 2.0 * dot(mirrored, half) / size;
-    from_fn(|c| mirrored[c] - part * half[c])
+    /// The contact places, with the forces of the configuration before.
+    pub touches: Vec<Touch<D>>,
+    /// Whether they are those of the configuration before.
+    pub is_alike: bool,
 }
 
 /// A block of a tangent: nodes and derivatives.
@@ -170,14 +155,11 @@ where
     /// Whether all that is stated is understood where displacements are large.
     pub(super) fn check_large(&self, materials: &[Material]) -> Result<(), ModelError> {
         for (i, pair) in self.pairs.iter().enumerate() {
-            let text = match (pair.meets(), &pair.law) {
+            let text = match &pair.law {
                 _ if pair.has_steps() => {
                     "active and friction_factors need geometry = \"small\": where displacements are large they are not known yet"
                 }
-                (Against::Boundary(_), _) => {
-                    "where displacements are large, contact is with obstacles: contact between bodies needs geometry = \"small\""
-                }
-                (_, Law::Tresca(_)) => {
+                Law::Tresca(_) => {
                     "where displacements are large, friction is Coulomb's: friction = { coulomb = … }"
                 }
                 _ => continue,
@@ -242,30 +224,37 @@ where
                         .map_or(0.0, |motion| own(&motion.factors))
                 })
                 .collect(),
+            grown: time.min(1.0),
         })
+    }
+
+    /// What holds each node; empty where all bodies are held.
+    fn loose_nodes(&self, u: &[[f64; D]]) -> Vec<Loose> {
+        /// A body that supports hold in some ways has the tangent of rest up to this turn: its error is that of directions, and slows
+        /// convergence by as much.
+        const TURN: f64 = 0.05;
+        let mut loose = Vec::new();
+        for body in &self.loose {
+            loose.resize(u.len(), Loose::No);
+            let (low, high) = bounds(body.nodes.iter().map(|&node| u[node as usize]));
+            let kind = match body.partly && length(minus(high, low)) < TURN * body.size {
+                true => Loose::Partly,
+                false => Loose::Free,
+            };
+            body.nodes
+                .iter()
+                .for_each(|&node| loose[node as usize] = kind);
+        }
+        loose
     }
 
     /// At rest.
     pub(crate) fn undeformed(&self) -> Deformation<D> {
-        let places = &self.candidates;
-        let zeros = || vec![[0.0; D]; places.len()];
-        let feet = places.iter().map(|(place, pair)| {
-            let foot = |&(node, _): &(u32, f64)| {
-                let x = self.mesh.nodes[node as usize];
-                match self.pairs[*pair as usize].obstacle {
-                    None => x,
-                    Some(obstacle) => foot(&obstacle, x).2,
-                }
-            };
-            place.own.iter().map(foot).collect()
-        });
+        let zeros = || vec![[0.0; D]; self.mesh.nodes.len()];
         Deformation {
-            displacement: vec![[0.0; D]; self.mesh.nodes.len()],
-            step: vec![[0.0; D]; self.mesh.nodes.len()],
-            forces: zeros(),
-            normals: places.iter().map(|(place, _)| place.frame[0]).collect(),
-            feet: feet.collect(),
-            slipped: zeros(),
+            displacement: zeros(),
+            step: zeros(),
+            touches: self.untouched(),
         }
     }
 
@@ -356,24 +345,26 @@ where
         let (body, u) = (self.body(), &now.displacement);
         let field = |region: u32, x: [f64; D]| to.temperature.at(region, x);
         let temperature = (!to.temperature.is_none()).then_some(&field as Temperature<D>);
+        let loose = self.loose_nodes(u);
         let deformed = Deformed {
             step: Some(&now.step),
+            loose: &loose,
             ..Deformed::new(&body, u, temperature)
         };
         let resistance = deformed.resistance();
         let (mut outer, mut turning) = (to.dead.clone(), Vec::new());
         self.pressures(to, u, &mut outer, &mut turning)?;
 
-        let met = self.meeting(before, [from, to], now, first)?;
-        // Contact forces of both turn with the directions towards obstacles.
-        let [forces, origin] = [now, before].map(|of| -> Vec<[f64; D]> {
-            let each = of.forces.iter().zip(&of.normals).zip(&met.normals);
-            each.map(|((force, from), to)| turned_with(*force, *from, *to))
-                .collect()
-        });
-
+        let moved = self.moved(u);
+        let met = self.meeting(&moved, before, [from, to], now, first)?;
+        let places: Vec<ContactPlace<D>> =
+            (met.touches.iter().map(|touch| touch.place.clone())).collect();
         let failed = |error| Entity::all(EntityKind::Contact).error(Fault::Contact(error));
-        let contact = contact_rows(&body, &to.unknowns, &met.places).map_err(failed)?;
+        let there = Body {
+            mesh: &moved,
+            ..body
+        };
+        let contact = contact_rows(&there, &to.unknowns, &places).map_err(failed)?;
         let left = to.unknowns.left_of(u);
 
         let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
@@ -390,7 +381,7 @@ where
             } else {
                 Vec::new()
             };
-            let driven = self.helped(help, mean, &forces, &met, &mut blocks);
+            let driven = self.helped(help, mean, &met, &mut blocks);
             let mut held = tangent_forces(&deformed, &still);
             for ([a, b], block) in &blocks {
                 for (force, row) in held[*a as usize].iter_mut().zip(block) {
@@ -421,15 +412,16 @@ where
         let mut slips = vec![0.0; (D - 1) * rows];
         let mut given_way = slips.clone();
         for (r, i, place) in contact.numbered() {
-            lambda[r] = dot(forces[i], place.frame[0]);
+            let touch = &met.touches[i];
+            lambda[r] = dot(touch.force, place.frame[0]);
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let at = (D - 1) * r + a;
                 // Without friction a force along the tangents is rounding of the turn.
                 if place.slip_bound.is_any() {
-                    lambda[rows + at] = dot(forces[i], *tangent);
+                    lambda[rows + at] = dot(touch.force, *tangent);
                 }
-                slips[at] = dot(met.slip[i], *tangent);
-                given_way[at] = dot(origin[i], *tangent);
+                slips[at] = dot(touch.slip, *tangent);
+                given_way[at] = dot(touch.origin, *tangent);
             }
         }
         let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
@@ -462,7 +454,11 @@ where
             lambda: lambda.clone(),
         };
         let places_now: Vec<[f64; D]> = (0..to.unknowns.n_blocks())
-            .map(|block| self.at(to.unknowns.node(block), u))
+            .map(|block| to.unknowns.node(block) as usize)
+            .map(|node| match loose.get(node) {
+                Some(Loose::Partly) => self.mesh.nodes[node],
+                _ => moved.nodes[node],
+            })
             .collect();
         let points = (places_now, deformed.vertices(&to.unknowns));
         let problem = problem_of(stiffness, net, force, points, &to.unknowns, &contact)?;
@@ -491,95 +487,8 @@ where
             left,
             outer,
             lambda,
-            slip: met.slip,
-            feet: met.feet,
-            normals: met.normals,
-            distances: met.distances,
-        })
-    }
-
-    /// The contact places at the present configuration; with `first`, obstacles are at their old places.
-    fn meeting(
-        &self,
-        before: &Deformation<D>,
-        [from, to]: [&Moment<D>; 2],
-        now: &Deformation<D>,
-        first: bool,
-    ) -> Result<Meeting<D>, ModelError> {
-        let (n, u) = (self.candidates.len(), &now.displacement);
-        let mut places: Vec<ContactPlace<D>> = Vec::with_capacity(n);
-        let (mut slip, mut distances) = (vec![[0.0; D]; n], vec![0.0; n]);
-        let (mut feet, mut normals) = (before.feet.clone(), now.normals.clone());
-        let mut bends = Vec::new();
-        for (i, (rest, pair)) in self.candidates.iter().enumerate() {
-            let mut place = rest.clone();
-            place.place = place.mean(|node| self.at(node, u));
-            let Some(obstacle) = &self.pairs[*pair as usize].obstacle else {
-                // The rows of ties and of nodes that move alike stay the same.
-                let moved = [u, &before.displacement].map(|u| self.apart(rest, u));
-                place.gap = rest.gap - dot(moved[0], rest.frame[0]);
-                slip[i] = minus(moved[0], moved[1]);
-                places.push(place);
-                continue;
-            };
-            let motion = self.definition.pairs[*pair as usize].motion.as_ref();
-            let [was, is] = [from, to].map(|at| Moved {
-                of: motion,
-                factor: at.motions[*pair as usize],
-            });
-            let there = if first { was } else { is }.obstacle(obstacle);
-            // Stated gaps, interferences and offsets stay a part of the gap.
-            let mut gap = rest.gap;
-            for (k, &(node, weight)) in rest.own.iter().enumerate() {
-                let x = self.at(node, u);
-                let (distance, normal, opposite) = foot(&there, x);
-                if k == 0 {
-                    if !normal.iter().all(|v| v.is_finite()) {
-                        let error = ContactError::NoNormal {
-                            place: x.into(),
-                            obstacle: obstacle.name(),
-                        };
-                        let pair = &self.definition.pairs[*pair as usize];
-                        return Err(pair
-                            .entity(self.candidates[i].1 as usize)
-                            .error(Fault::Contact(error)));
-                    }
-                    normals[i] = normal;
-                }
-                let stated = foot(obstacle, self.mesh.nodes[node as usize]).0;
-                let (closing, way) = match first {
-                    true => {
-                        let moves = minus(was.carried(x, &is), x);
-                        let along = dot(moves, normal);
-                        (-along, from_fn(|c| along * normal[c] - moves[c]))
-                    }
-                    false => {
-                        let origin = was.carried(before.feet[i][k], &is);
-                        (0.0, there.way(origin, opposite))
-                    }
-                };
-                gap += weight * (distance - closing - stated);
-                (0..D).for_each(|c| slip[i][c] += weight * way[c]);
-                feet[i][k] = opposite;
-                bends.push(Bend {
-                    candidate: i,
-                    node,
-                    weight,
-                    obstacle: there,
-                    place: x,
-                });
-            }
-            place.frame = frame(normals[i]);
-            (place.gap, distances[i]) = (gap, gap);
-            places.push(place);
-        }
-        Ok(Meeting {
-            places,
-            slip,
-            distances,
-            feet,
-            normals,
-            bends,
+            touches: met.touches,
+            is_alike: met.is_alike,
         })
     }
 
@@ -588,23 +497,16 @@ where
         &self,
         help: Help,
         mean: f64,
-        forces: &[[f64; D]],
         met: &Meeting<D>,
         blocks: &mut Vec<Block<D>>,
     ) -> Vec<[f64; D]> {
-        let Meeting {
-            distances,
-            normals,
-            bends,
-            ..
-        } = met;
         let mut driven = vec![[0.0; D]; self.mesh.nodes.len()];
-        for bend in bends {
-            let (i, weight, x) = (bend.candidate, bend.weight, bend.place);
-            let pressing = dot(forces[i], normals[i]);
-            let nu = normals[i];
-            let along: [f64; D] = from_fn(|c| forces[i][c] - pressing * nu[c]);
-            if help.turning && forces[i] != [0.0; D] {
+        for bend in &met.bends {
+            let Touch { place, force, .. } = &met.touches[bend.touch];
+            let (weight, x, nu) = (bend.weight, bend.place, place.frame[0]);
+            let pressing = dot(*force, nu);
+            let along: [f64; D] = from_fn(|c| force[c] - pressing * nu[c]);
+            if help.turning && *force != [0.0; D] {
                 let bent = bend.obstacle.bend(x, along);
                 let mut block = [[0.0; D]; D];
                 for k in 0..D {
@@ -621,46 +523,34 @@ where
         }
         if help.held > 0.0 {
             let size = help.held * mean;
-            for (i, (rest, pair)) in self.candidates.iter().enumerate() {
-                let nu = normals[i];
-                if self.pairs[*pair as usize].obstacle.is_none() || !(dot(forces[i], nu) > 0.0) {
+            for touch in &met.touches {
+                let nu = touch.place.frame[0];
+                if self.pairs[touch.pair as usize].obstacle.is_none()
+                    || !(dot(touch.force, nu) > 0.0)
+                {
                     continue;
                 }
-                for &(a, wa) in &rest.own {
-                    for &(b, wb) in &rest.own {
+                for &(a, wa) in &touch.place.own {
+                    for &(b, wb) in &touch.place.own {
                         blocks.push((
                             [a, b],
                             from_fn(|j| from_fn(|k| size * wa * wb * nu[j] * nu[k])),
                         ));
                     }
-                    (0..D).for_each(|c| driven[a as usize][c] += size * wa * distances[i] * nu[c]);
+                    let push = size * wa * touch.distance;
+                    (0..D).for_each(|c| driven[a as usize][c] += push * nu[c]);
                 }
             }
         }
         driven
     }
 
-    /// Where a node is.
-    fn at(&self, node: u32, u: &[[f64; D]]) -> [f64; D] {
-        let (x, u) = (self.mesh.nodes[node as usize], u[node as usize]);
-        from_fn(|c| x[c] + u[c])
-    }
-
-    /// How far the sides of a place have moved against each other.
-    fn apart(&self, place: &ContactPlace<D>, u: &[[f64; D]]) -> [f64; D] {
-        let mut sum = place.mean(|node| u[node as usize]);
-        for &(node, weight) in &place.partners {
-            (0..D).for_each(|c| sum[c] -= weight * u[node as usize][c]);
-        }
-        sum
-    }
-
     /// The forces of the rows of a configuration, place by place along the axes.
     pub(crate) fn forces_of(&self, at: &Configuration<D>, lambda: &[f64]) -> Vec<[f64; D]> {
-        let mut forces = vec![[0.0; D]; self.candidates.len()];
+        let mut forces = vec![[0.0; D]; at.touches.len()];
         let (normal, tangential) = lambda.split_at(at.contact.places.len());
         for (r, i, place) in at.contact.numbered() {
-            let tied = self.pairs[self.candidates[i].1 as usize].tied;
+            let tied = self.pairs[at.touches[i].pair as usize].tied;
             let pressing = if tied { normal[r] } else { normal[r].max(0.0) };
             forces[i] = from_fn(|c| pressing * place.frame[0][c]);
             for (tangent, force) in place.frame[1..].iter().zip(&tangential[(D - 1) * r..]) {
@@ -671,22 +561,12 @@ where
     }
 
     /// The state at the end of a load step, from which the next one begins.
-    pub(crate) fn settled(
-        &self,
-        before: &Deformation<D>,
-        now: Deformation<D>,
-        at: &Configuration<D>,
-    ) -> Deformation<D> {
-        let slipped = (0..self.candidates.len()).map(|i| {
-            let so_far = turned_with(before.slipped[i], before.normals[i], at.normals[i]);
-            from_fn(|c| so_far[c] + at.slip[i][c])
-        });
+    pub(crate) fn settled(&self, now: Deformation<D>, at: &Configuration<D>) -> Deformation<D> {
+        let forces = self.forces_of(at, &at.lambda);
+        let touches = at.touches.iter().zip(forces);
         Deformation {
-            slipped: slipped.collect(),
             step: vec![[0.0; D]; now.step.len()],
-            feet: at.feet.clone(),
-            forces: self.forces_of(at, &at.lambda),
-            normals: at.normals.clone(),
+            touches: touches.map(|(touch, force)| touch.settled(force)).collect(),
             ..now
         }
     }
@@ -707,13 +587,13 @@ where
             at.problem.times(at.problem.tangential(), &u),
         );
         let gap = (at.contact.candidate.iter().zip(&moved))
-            .map(|(&i, moved)| at.distances[i] + moved)
+            .map(|(&i, moved)| at.touches[i].distance + moved)
             .collect();
         let mut slide = vec![0.0; slid.len()];
         for (r, i, place) in at.contact.numbered() {
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let k = (D - 1) * r + a;
-                slide[k] = dot(now.slipped[i], *tangent) - slid[k];
+                slide[k] = dot(now.touches[i].slipped, *tangent) - slid[k];
             }
         }
         let mut total_load = [0.0; D];
@@ -726,7 +606,7 @@ where
             .contact
             .candidate
             .iter()
-            .map(|&i| self.candidates[i].1)
+            .map(|&i| at.touches[i].pair)
             .collect();
         let data = StepData {
             factor: to.factor,
@@ -799,10 +679,4 @@ impl<const D: usize> Configuration<D> {
             left => left / size(u).max(left),
         }
     }
-}
-
-/// The distance from an obstacle, the direction towards it, and the point of it that is opposite.
-fn foot<const D: usize>(obstacle: &Obstacle<D>, x: [f64; D]) -> (f64, [f64; D], [f64; D]) {
-    let (distance, normal) = obstacle.distance(x);
-    (distance, normal, from_fn(|c| x[c] + distance * normal[c]))
 }

@@ -5,7 +5,8 @@ use super::error::EntityKind;
 use super::motion::Motion;
 use super::stated::{self, Flaw};
 use super::{Quantity, Units};
-use crate::contact::Obstacle;
+use crate::contact::{Friction, Obstacle};
+use crate::elasticity::Field;
 use crate::mesh::vector::length;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -84,6 +85,24 @@ pub(super) struct Stiffness<const D: usize> {
 }
 
 impl<const D: usize> Law<D> {
+    /// Its bound or coefficient at a place; 0 of laws without.
+    pub(super) fn at(&self, x: [f64; D]) -> f64 {
+        match self {
+            Self::None | Self::Tied => 0.0,
+            Self::Tresca(value) | Self::Coulomb(value) => value.at(x),
+        }
+    }
+
+    /// The law with its bound or coefficient as a field.
+    pub(super) fn of_fields<'f>(&self, field: Field<'f, D>) -> Friction<'f, D> {
+        match self {
+            Self::None => Friction::None,
+            Self::Tied => Friction::Tied,
+            Self::Tresca(_) => Friction::Tresca(field),
+            Self::Coulomb(_) => Friction::Coulomb(field),
+        }
+    }
+
     /// Whether a table leaves it out: that of a tie has no such key.
     fn is_unstated(&self) -> bool {
         matches!(self, Self::None | Self::Tied)

@@ -866,6 +866,8 @@ where
             support_centres: common.support_centres.iter().map(|x| fixed(x)).collect(),
             contact,
             candidates: Vec::new(),
+            sliding: Sliding::default(),
+            loose: Vec::new(),
             // Rank 0 keeps them and puts them here.
             pairs: Vec::new(),
             pair_of: common.pair_of.clone(),

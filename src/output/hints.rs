@@ -190,7 +190,7 @@ where
                 }
             ));
         }
-        if contact.max_pressure > softest {
+        if contact.max_pressure > softest && !elastic.is_large() {
             hints.push(format!(
                 "{name}: the pressure exceeds E of the softest material, but strains are assumed small: check units, \
                  scale and load"
@@ -228,7 +228,7 @@ where
             }
             None => {
                 let apart = apart[number];
-                if apart > pair.search_distance {
+                if apart > pair.search_distance && !elastic.is_large() {
                     hints.push(format!(
                         "{name}: its sides move by up to {} against each other, more than the search distance {}: \
                          parts farther apart were not searched; state search_distance",

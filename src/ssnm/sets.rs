@@ -120,6 +120,16 @@ impl<const D: usize> Sets<D> {
         Self::at_solution(lambda, r, rho, &problem.bounds(lambda))
     }
 
+    /// Whether the same nodes are in contact as in others, and of these the same stick.
+    pub(crate) fn are_like(&self, others: &Self) -> bool {
+        let mut each = self.0.iter().zip(&others.0);
+        let alike = |(a, b): (&NodeSets<D>, &NodeSets<D>)| {
+            let kind = |node: &NodeSets<D>| node.contact.then_some(node.slip.is_some());
+            kind(a) == kind(b)
+        };
+        self.0.len() == others.0.len() && each.all(alike)
+    }
+
     /// Moves nodes to the slipping ones, each with its direction.
     pub(super) fn slide(&mut self, slipping: impl Iterator<Item = (usize, [f64; D])>) {
         slipping.for_each(|(i, slip)| self.0[i].slide(slip));

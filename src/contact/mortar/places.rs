@@ -469,7 +469,9 @@ impl<const D: usize> Sums<D> {
         } else {
             outward
         };
-        let slip_bound = options.friction.at(x, self.bound)?;
+        // Of fields: where the place was at rest.
+        let origin = (options.rest).map_or(x, |rest| mean(&own, |node| rest.nodes[node as usize]));
+        let slip_bound = options.friction.at(origin, self.bound)?;
         // ν is between the normals of both sides, so that their order does not matter.
         let normal = unit(minus(outward, facing.map(|c| c / self.area)));
         let normal = options.within_planes(normal, &nodes);
@@ -538,7 +540,7 @@ impl<const D: usize> Sums<D> {
             directed,
             frame,
             // ψ has negative parts, so the mean of a nonnegative gap may be negative, by O(h²).
-            gap: if self.overlaps && options.may_overlap() {
+            gap: if options.rest.is_some() || (self.overlaps && options.may_overlap()) {
                 gap
             } else {
                 gap.max(0.0)
@@ -546,7 +548,7 @@ impl<const D: usize> Sums<D> {
             area,
             pool: 0,
             slip_bound,
-            compliance: options.compliance_at(x, area)?,
+            compliance: options.compliance_at(origin, area)?,
         }))
     }
 }

@@ -10,7 +10,6 @@ use super::flat::{Flat, area, edges, turn};
 use super::hull::Hull;
 use super::{
     Beam, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
-    missed,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{FaceAt, LINE5, LINE8, ShapeFunctions, Visit, face_kind, triangle_points};
@@ -370,7 +369,10 @@ pub(super) fn covers(
         .map(|pieces| {
             let corners = pieces.iter().flat_map(|piece| piece.polygon.clone());
             let hull = Hull::around(corners.collect(), SAME * area(&outline).sqrt());
-            let (hull, sites) = places(&outline, face_ring(own.len), own.bend(), hull);
+            let (hull, sites) = {
+                let missed = slave.missed(own.bend().unwrap_or(0.0));
+                places(&outline, face_ring(own.len), missed, hull)
+            };
             // The whole facet, with places only at its corners.
             let (hull, sites) = match sites {
                 None if slave.is_linear() => corners_of(&own),
@@ -485,18 +487,13 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
     parts
 }
 
-/// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`, and which bends by
-/// that part of its size if it is of second order; None as the sites of a wholly covered one, whose vertices are its nodes.
-fn places(
-    outline: &[Flat],
-    ring: &[usize],
-    bend: Option<f64>,
-    hull: Hull,
-) -> (Hull, Option<Vec<Site>>) {
+/// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`, of which the part
+/// `missed` of its size may be missed; None as the sites of a wholly covered one, whose vertices are its nodes.
+fn places(outline: &[Flat], ring: &[usize], missed: f64, hull: Hull) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
     // Curved facets hardly ever have a border just where another one has it.
-    let far = missed(bend.unwrap_or(0.0)) * size;
+    let far = missed * size;
     if outline.iter().all(|&p| hull.distance(p) <= far) {
         return (hull, None);
     }

@@ -3,7 +3,6 @@
 
 use super::{
     CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
-    missed,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
@@ -138,14 +137,13 @@ pub(super) fn covers(
     for segments in segments.chunk_by(connected) {
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
-        let missed = bend.map_or(same, missed);
+        let missed = match bend {
+            None if !slave.has_moved => same,
+            bend => slave.missed(bend.unwrap_or(0.0)),
+        };
         let is_covered = from <= missed && 1.0 - to <= missed;
         // A whole one is covered from end to end, whatever it misses.
-        let (from, to) = if is_covered && is_curved {
-            (0.0, 1.0)
-        } else {
-            (from, to)
-        };
+        let (from, to) = if is_covered { (0.0, 1.0) } else { (from, to) };
         let is_whole = is_covered && !slave.is_linear();
         let vertex = |s: f64| match s {
             s if s <= same => Vertex::at_node(slave, 0, 0.5),

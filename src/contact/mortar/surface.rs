@@ -40,7 +40,15 @@ where
         let at_nodes: Vec<_> = (facets.iter().zip(&outward))
             .map(|(facet, &mean)| normals_at_nodes(mesh, facet, mean))
             .collect::<Result<_, _>>()?;
-        let part = smooth_parts(facets, &at_nodes, options.edge_angle);
+        let part = match options.rest {
+            None => smooth_parts(facets, &at_nodes, options.edge_angle),
+            Some(rest) => {
+                let at_nodes: Vec<_> = (facets.iter())
+                    .map(|facet| normals_at_nodes(rest, facet, rest.facet_normal(facet).1))
+                    .collect::<Result<_, _>>()?;
+                smooth_parts(facets, &at_nodes, options.edge_angle)
+            }
+        };
         let mut normals: HashMap<(u32, u32), [f64; D]> = HashMap::new();
         for ((facet, at_nodes), &part) in facets.iter().zip(&at_nodes).zip(&part) {
             let (corners, len) = mesh.corners_of(facet);

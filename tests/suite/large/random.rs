@@ -3,6 +3,7 @@
 //!
 //! `CAMPAIGN_SEED` and `CAMPAIGN_PROBLEMS` say where the long run begins and how many problems it has.
 
+use super::elements::{Point, dot, edges, minus, nodes, plus, resisting, turned};
 use super::{End, tried};
 use crate::common::draw::{chance, decade, generator, number, pick};
 use signorini::contact::Obstacle;
@@ -12,26 +13,6 @@ use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, rectangle};
 use signorini::model::{Axis, Model, Motion, Pair, Support, Traction};
 use signorini::ssnm::Status;
-use std::array::from_fn;
-
-type Point = [f64; 2];
-
-fn turned(v: Point, angle: f64) -> Point {
-    let (sin, cos) = angle.to_radians().sin_cos();
-    [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1]]
-}
-
-fn plus(a: Point, b: Point) -> Point {
-    [a[0] + b[0], a[1] + b[1]]
-}
-
-fn minus(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
 
 /// A motion in proportion to the load factor: a turn about a point in degrees, then a shift.
 #[derive(Clone, Copy)]
@@ -178,112 +159,12 @@ impl Problem {
         }
     }
 
-    /// The first Piola–Kirchhoff stress in plane strain.
-    fn stress(&self, f: [Point; 2]) -> [Point; 2] {
-        let Material { young, poisson, .. } = self.material;
-        let mu = 0.5 * young / (1.0 + poisson);
-        let lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
-        let det = f[0][0] * f[1][1] - f[0][1] * f[1][0];
-        match self.material.law {
-            Hyperelastic::NeoHooke => {
-                let inverse_transposed = [[f[1][1], -f[1][0]], [-f[0][1], f[0][0]]];
-                let size = (lambda * det.ln() - mu) / det;
-                from_fn(|i| from_fn(|j| mu * f[i][j] + size * inverse_transposed[i][j]))
-            }
-            Hyperelastic::StVenantKirchhoff => {
-                let strain = |i: usize, j: usize| {
-                    let product = f[0][i] * f[0][j] + f[1][i] * f[1][j];
-                    0.5 * (product - if i == j { 1.0 } else { 0.0 })
-                };
-                let trace = strain(0, 0) + strain(1, 1);
-                let second = |i: usize, j: usize| {
-                    2.0 * mu * strain(i, j) + if i == j { lambda * trace } else { 0.0 }
-                };
-                from_fn(|i| from_fn(|j| f[i][0] * second(0, j) + f[i][1] * second(1, j)))
-            }
-        }
-    }
-
-    /// The forces that hold the nodes where they are.
-    fn resisting(&self, u: &[Point]) -> Vec<Point> {
-        let mut forces = vec![[0.0; 2]; u.len()];
-        let gauss = 1.0 / 3f64.sqrt();
-        for element in &self.mesh.elements {
-            let nodes = element.nodes();
-            // Gradients on the reference element with weights.
-            let points: Vec<(f64, Vec<Point>)> = match nodes.len() {
-                3 => vec![(0.5, vec![[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])],
-                _ => [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-                    .map(|at: Point| {
-                        let [xi, eta] = at.map(|v| v * gauss);
-                        let slopes = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(
-                            |corner: Point| {
-                                let [a, b] = corner;
-                                [0.25 * a * (1.0 + b * eta), 0.25 * b * (1.0 + a * xi)]
-                            },
-                        );
-                        (1.0, slopes.to_vec())
-                    })
-                    .to_vec(),
-            };
-            for (weight, local) in points {
-                let mut j = [[0.0; 2]; 2];
-                for (&node, slope) in nodes.iter().zip(&local) {
-                    let x = self.mesh.nodes[node as usize];
-                    (0..2).for_each(|r| (0..2).for_each(|c| j[r][c] += x[r] * slope[c]));
-                }
-                let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
-                let slopes: Vec<Point> = (local.iter())
-                    .map(|[a, b]| {
-                        [
-                            (j[1][1] * a - j[1][0] * b) / det,
-                            (-j[0][1] * a + j[0][0] * b) / det,
-                        ]
-                    })
-                    .collect();
-                let mut f = [[1.0, 0.0], [0.0, 1.0]];
-                for (&node, slope) in nodes.iter().zip(&slopes) {
-                    let u = u[node as usize];
-                    (0..2).for_each(|r| (0..2).for_each(|c| f[r][c] += u[r] * slope[c]));
-                }
-                let stress = self.stress(f);
-                for (&node, slope) in nodes.iter().zip(&slopes) {
-                    let force = &mut forces[node as usize];
-                    (0..2).for_each(|r| force[r] += weight * det * dot(stress[r], *slope));
-                }
-            }
-        }
-        forces
-    }
-
-    /// The edges of a side, the body on their left.
-    fn edges(&self, side: &str) -> Vec<[u32; 2]> {
-        let x = |node: u32| self.mesh.nodes[node as usize];
-        let sum = self
-            .mesh
-            .nodes
-            .iter()
-            .fold([0.0; 2], |sum, x| plus(sum, *x));
-        let centre = sum.map(|v| v / self.mesh.nodes.len() as f64);
-        let facets = self.mesh.boundaries[side].iter();
-        facets
-            .map(|facet| {
-                let [a, b] = [facet[0], facet[1]];
-                let (along, inwards) = (minus(x(b), x(a)), minus(centre, x(a)));
-                match along[0] * inwards[1] - along[1] * inwards[0] > 0.0 {
-                    true => [a, b],
-                    false => [b, a],
-                }
-            })
-            .collect()
-    }
-
     /// How the law is broken at the end of a load step that has gone from one load factor to another: None where it is not.
     fn broken(&self, before: (f64, &[Point]), now: (f64, &End<2>)) -> Option<String> {
         let (factor, end) = now;
         let u = &end.displacement;
         let at = |node: usize, u: &[Point]| plus(self.mesh.nodes[node], u[node]);
-        let held = self.nodes(self.held.0);
+        let held = nodes(&self.mesh, self.held.0);
         let size = self
             .mesh
             .nodes
@@ -301,12 +182,12 @@ impl Problem {
                 return Some(format!("node {node} is held elsewhere: {off:?}"));
             }
         }
-        let mut rest = self.resisting(u);
+        let mut rest = resisting(&self.mesh, &[self.material], u);
         // Without loads there are no forces but rounding.
         let least = 1e-6 * self.material.young;
         let scale = (rest.iter().flatten()).fold(least, |a: f64, b| a.max(b.abs()));
         if let Some((side, pressure)) = self.pressed {
-            for [a, b] in self.edges(side) {
+            for [a, b] in edges(&self.mesh, side) {
                 let along = minus(at(b as usize, u), at(a as usize, u));
                 // Outwards is to the right.
                 let half = [along[1], -along[0]].map(|v| 0.5 * factor * pressure * v);
@@ -330,7 +211,7 @@ impl Problem {
         for (&node, force) in end.nodes.iter().zip(&end.forces) {
             forces[node as usize] = *force;
         }
-        for node in self.nodes("bottom") {
+        for node in nodes(&self.mesh, "bottom") {
             if held.contains(&node) {
                 continue;
             }
@@ -379,18 +260,6 @@ impl Problem {
             }
         }
         None
-    }
-
-    fn nodes(&self, side: &str) -> Vec<usize> {
-        let mut nodes: Vec<usize> = self
-            .edges(side)
-            .into_flattened()
-            .into_iter()
-            .map(|n| n as usize)
-            .collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        nodes
     }
 }
 

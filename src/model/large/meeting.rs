@@ -1,0 +1,476 @@
+//! The contact places of bodies that have moved: distances, normals and slip, and what they carry over from before.
+//!
+//! A place on an obstacle stays the same. Where two bodies meet, places are made again from both boundaries as they are, and those
+//! that are nearest to each other on the body at rest carry forces and slip from one configuration to the next. Slip is where the
+//! nodes of a place are now against those that they were opposite to at the end of the last load step: bodies that turn together
+//! do not slip.
+
+use super::super::contacts::PairData;
+use super::super::elastic::Elastic;
+use super::super::entities::Part as _;
+use super::super::error::{Fault, ModelError};
+use super::super::motion::Moved;
+use super::{Deformation, Moment};
+use crate::contact::{
+    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, frame, node_contact,
+};
+use crate::elasticity::Body;
+use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::{ElementKind, Mesh, facet_nodes};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+use std::array::from_fn;
+use std::collections::BTreeSet;
+
+/// v after the turn that takes one unit vector to another by the shortest way.
+fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
+    // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then in the plane across the bisector of both.
+    let half: [f64; D] = from_fn(|c| from[c] + to[c]);
+    let size = dot(half, half);
+    if !(size > 1e-12) {
+        return v.map(|v| -v);
+    }
+    let along = 2.0 * dot(v, from);
+    let mirrored: [f64; D] = from_fn(|c| v[c] - along * from[c]);
+    // −(I − 2hhᵀ/h²)(I − 2 from fromᵀ) takes `from` to `to` and keeps the directions across both.
+    let part = 2.0 * dot(mirrored, half) / size;
+    from_fn(|c| mirrored[c] - part * half[c])
+}
+
+/// A contact place of bodies that have moved.
+#[derive(Clone, Debug)]
+pub(crate) struct Touch<const D: usize> {
+    pub pair: u32,
+    pub place: ContactPlace<D>,
+    /// Where its own side was at rest.
+    rest: [f64; D],
+    /// The force on the other side, along the axes.
+    pub force: [f64; D],
+    /// The same at the end of the last load step.
+    pub origin: [f64; D],
+    /// The slip since then, and all before.
+    pub slip: [f64; D],
+    pub slipped: [f64; D],
+    /// From the obstacle or the other body; of ties 0.
+    pub distance: f64,
+    /// Where its nodes are opposite on the obstacle.
+    feet: Vec<[f64; D]>,
+    /// From the mean of its partners to that of its own nodes.
+    apart: [f64; D],
+}
+
+impl<const D: usize> Touch<D> {
+    fn normal(&self) -> [f64; D] {
+        self.place.frame[0]
+    }
+
+    /// As the next load step begins from it, with the force at the end of this one.
+    pub fn settled(&self, force: [f64; D]) -> Self {
+        Self {
+            force,
+            slipped: from_fn(|c| self.slipped[c] + self.slip[c]),
+            slip: [0.0; D],
+            ..self.clone()
+        }
+    }
+
+    /// A force with its friction within Coulomb's law; None if it pulls.
+    pub fn within_law(&self, force: [f64; D]) -> Option<[f64; D]> {
+        let nu = self.normal();
+        let pressing = dot(force, nu);
+        let along: [f64; D] = from_fn(|c| force[c] - pressing * nu[c]);
+        let part = match self.place.slip_bound {
+            SlipBound::Coulomb(mu) if mu * pressing < length(along) => {
+                mu * pressing / length(along)
+            }
+            _ => 1.0,
+        };
+        (pressing >= 0.0).then(|| from_fn(|c| pressing * nu[c] + part * along[c]))
+    }
+
+    /// What it carries over from the one that it was in the configuration before, and from that at the end of the last load step.
+    fn carries(&mut self, now: Option<&Self>, before: Option<&Self>) {
+        let to = self.normal();
+        let turned = |v: [f64; D], from: &Self| turned_with(v, from.normal(), to);
+        self.force = now.map_or([0.0; D], |from| turned(from.force, from));
+        self.origin = before.map_or([0.0; D], |from| turned(from.force, from));
+        self.slipped = before.map_or([0.0; D], |from| turned(from.slipped, from));
+    }
+}
+
+/// The contact places at a configuration.
+pub(super) struct Meeting<const D: usize> {
+    pub touches: Vec<Touch<D>>,
+    pub bends: Vec<Bend<D>>,
+    /// Whether they are those of the configuration before.
+    pub is_alike: bool,
+}
+
+/// A node of a place and its obstacle: along a round obstacle the contact force turns as the node moves.
+pub(super) struct Bend<const D: usize> {
+    /// The number of its place.
+    pub touch: usize,
+    pub node: u32,
+    /// Of the node in its place.
+    pub weight: f64,
+    pub obstacle: Obstacle<D>,
+    /// Where the node is.
+    pub place: [f64; D],
+}
+
+/// The distance from an obstacle, the direction towards it, and the point of it that is opposite.
+fn foot<const D: usize>(obstacle: &Obstacle<D>, x: [f64; D]) -> (f64, [f64; D], [f64; D]) {
+    let (distance, normal) = obstacle.distance(x);
+    (distance, normal, from_fn(|c| x[c] + distance * normal[c]))
+}
+
+/// Of the places of a pair, in the order of pairs.
+fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touch<D>] {
+    let begin = touches.partition_point(|touch| touch.pair < pair);
+    let end = touches.partition_point(|touch| touch.pair <= pair);
+    &touches[begin..end]
+}
+
+/// Places nearer to each other than this part of the largest coordinate are at one point.
+const ONE_POINT: f64 = 1e-9;
+
+/// Places of a pair, by where they were at rest.
+struct Earlier<'t, const D: usize> {
+    touches: &'t [Touch<D>],
+    tree: RTree<GeomWithData<[f64; D], usize>>,
+    /// Points are one up to this distance.
+    same: f64,
+}
+
+impl<'t, const D: usize> Earlier<'t, D> {
+    fn new(touches: &'t [Touch<D>]) -> Self {
+        let all = touches.iter().enumerate();
+        let all = all.map(|(i, touch)| GeomWithData::new(touch.rest, i));
+        let coordinates = touches.iter().flat_map(|touch| touch.rest);
+        Self {
+            touches,
+            tree: RTree::bulk_load(all.collect()),
+            same: ONE_POINT * coordinates.fold(0.0, |most: f64, x| most.max(x.abs())),
+        }
+    }
+
+    /// The nearest within a distance; of several at one point, as at edges of the body, the one with the nearest normal.
+    fn nearest(&self, rest: [f64; D], normal: [f64; D], within: f64) -> Option<usize> {
+        let mut best: Option<(f64, f64, usize)> = None;
+        for near in self.tree.nearest_neighbor_iter(rest) {
+            let far = length(minus(*near.geom(), rest));
+            let limit = best.map_or(within, |best| best.0 + self.same);
+            if far > limit {
+                break;
+            }
+            let along = dot(self.touches[near.data].normal(), normal);
+            if best.is_none_or(|best| along > best.1) {
+                best = Some((best.map_or(far, |best| best.0), along, near.data));
+            }
+        }
+        best.map(|best| best.2)
+    }
+}
+
+impl<const D: usize> Elastic<D>
+where
+    ElementKind: Space<D>,
+{
+    /// The mesh of the bodies where they are.
+    pub(super) fn moved(&self, u: &[[f64; D]]) -> Mesh<D> {
+        let mut mesh = self.mesh.clone();
+        for (x, u) in mesh.nodes.iter_mut().zip(u) {
+            (0..D).for_each(|c| x[c] += u[c]);
+        }
+        mesh
+    }
+
+    /// How far the sides of a place have moved against each other, or with positions for u, are apart.
+    fn apart(place: &ContactPlace<D>, u: &[[f64; D]]) -> [f64; D] {
+        let mut sum = place.mean(|node| u[node as usize]);
+        for &(node, weight) in &place.partners {
+            (0..D).for_each(|c| sum[c] -= weight * u[node as usize][c]);
+        }
+        sum
+    }
+
+    /// Whether there are pairs whose places are made again at each configuration.
+    pub(crate) fn slides_anywhere(&self) -> bool {
+        self.pairs.iter().any(PairData::slides)
+    }
+
+    /// A place without forces and slip.
+    fn touch(&self, place: ContactPlace<D>, pair: u32, nodes: &[[f64; D]]) -> Touch<D> {
+        Touch {
+            rest: place.mean(|node| self.mesh.nodes[node as usize]),
+            apart: Self::apart(&place, nodes),
+            distance: 0.0,
+            pair,
+            place,
+            force: [0.0; D],
+            origin: [0.0; D],
+            slip: [0.0; D],
+            slipped: [0.0; D],
+            feet: Vec::new(),
+        }
+    }
+
+    /// The places of bodies at rest.
+    pub(super) fn untouched(&self) -> Vec<Touch<D>> {
+        let places = self.candidates.iter().map(|(place, pair)| {
+            let mut touch = self.touch(place.clone(), *pair, &self.mesh.nodes);
+            let foot = |&(node, _): &(u32, f64)| {
+                let x = self.mesh.nodes[node as usize];
+                match self.pairs[*pair as usize].obstacle {
+                    None => x,
+                    Some(obstacle) => foot(&obstacle, x).2,
+                }
+            };
+            touch.feet = place.own.iter().map(foot).collect();
+            touch
+        });
+        places.collect()
+    }
+
+    /// The contact places at the present configuration; with `first`, obstacles are at their old places.
+    pub(super) fn meeting(
+        &self,
+        moved: &Mesh<D>,
+        before: &Deformation<D>,
+        moments: [&Moment<D>; 2],
+        now: &Deformation<D>,
+        first: bool,
+    ) -> Result<Meeting<D>, ModelError> {
+        let mut met = Meeting {
+            touches: Vec::with_capacity(self.candidates.len()),
+            bends: Vec::new(),
+            is_alike: true,
+        };
+        for pair in 0..self.pairs.len() as u32 {
+            let [now_of, before_of] =
+                [&now.touches, &before.touches].map(|touches| of_pair(touches, pair));
+            if self.pairs[pair as usize].slides() {
+                self.meet_bodies(moved, [now_of, before_of], moments[1], pair, &mut met)?;
+                continue;
+            }
+            let begin = self.candidates.partition_point(|place| place.1 < pair);
+            for (k, was) in now_of.iter().enumerate() {
+                let rest = &self.candidates[begin + k].0;
+                let mut touch = self.touch(rest.clone(), pair, &moved.nodes);
+                touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
+                match &self.pairs[pair as usize].obstacle {
+                    Some(obstacle) => {
+                        let feet = &before_of[k].feet;
+                        self.meet_obstacle(
+                            moved, obstacle, moments, first, feet, &mut touch, &mut met,
+                        )?;
+                    }
+                    None => {
+                        // The rows of ties and of nodes that move alike stay the same.
+                        let [so_far, then] =
+                            [&now.displacement, &before.displacement].map(|u| Self::apart(rest, u));
+                        touch.place.gap = rest.gap - dot(so_far, rest.frame[0]);
+                        touch.slip = minus(so_far, then);
+                    }
+                }
+                touch.carries(Some(was), Some(&before_of[k]));
+                met.touches.push(touch);
+            }
+        }
+        Ok(met)
+    }
+
+    /// Where a place is against an obstacle, from the points that were opposite its nodes at the end of the last load step.
+    #[allow(clippy::too_many_arguments)]
+    fn meet_obstacle(
+        &self,
+        moved: &Mesh<D>,
+        obstacle: &Obstacle<D>,
+        [from, to]: [&Moment<D>; 2],
+        first: bool,
+        before: &[[f64; D]],
+        touch: &mut Touch<D>,
+        met: &mut Meeting<D>,
+    ) -> Result<(), ModelError> {
+        let number = touch.pair as usize;
+        let pair = &self.definition.pairs[number];
+        let [was, is] = [from, to].map(|at| Moved {
+            of: pair.motion.as_ref(),
+            factor: at.motions[number],
+        });
+        let there = if first { was } else { is }.obstacle(obstacle);
+        let number_of_place = met.touches.len();
+        for (k, &(node, weight)) in touch.place.own.clone().iter().enumerate() {
+            let x = moved.nodes[node as usize];
+            let (distance, normal, opposite) = foot(&there, x);
+            if k == 0 {
+                if !normal.iter().all(|v| v.is_finite()) {
+                    let error = ContactError::NoNormal {
+                        place: x.into(),
+                        obstacle: obstacle.name(),
+                    };
+                    return Err(pair.entity(number).error(Fault::Contact(error)));
+                }
+                touch.place.frame = frame(normal);
+            }
+            // Stated gaps, interferences and offsets stay a part of the gap.
+            let stated = foot(obstacle, self.mesh.nodes[node as usize]).0;
+            let (closing, way) = match first {
+                true => {
+                    let moves = minus(was.carried(x, &is), x);
+                    let along = dot(moves, normal);
+                    (-along, from_fn(|c| along * normal[c] - moves[c]))
+                }
+                false => {
+                    let origin = was.carried(before[k], &is);
+                    (0.0, there.way(origin, opposite))
+                }
+            };
+            touch.place.gap += weight * (distance - closing - stated);
+            (0..D).for_each(|c| touch.slip[c] += weight * way[c]);
+            touch.feet.push(opposite);
+            met.bends.push(Bend {
+                touch: number_of_place,
+                node,
+                weight,
+                obstacle: there,
+                place: x,
+            });
+        }
+        touch.distance = touch.place.gap;
+        Ok(())
+    }
+
+    /// Whether a boundary has come into the other body unseen: where it is folded or has turned away, its facets meet none of the
+    /// other side, and its nodes have no places.
+    pub(crate) fn is_pierced(
+        &self,
+        now: &Deformation<D>,
+        touches: &[Touch<D>],
+    ) -> Result<bool, ModelError> {
+        /// In facets. Less is what facets differ by from the surfaces that they approximate; nodes that are deeper may be
+        /// beyond a thin body.
+        const DEPTH: [f64; 2] = [0.1, 1.0];
+        if !self.slides_anywhere() {
+            return Ok(false);
+        }
+        let moved = self.moved(&now.displacement);
+        let body = Body {
+            mesh: &moved,
+            ..self.body()
+        };
+        for (number, stated) in &self.sliding.stated {
+            let data = &self.pairs[*number as usize];
+            let mut nodes: BTreeSet<u32> = (data.facets.iter())
+                .flat_map(|facet| facet_nodes(facet).to_vec())
+                .collect();
+            for touch in of_pair(touches, *number) {
+                for (node, _) in &touch.place.own {
+                    nodes.remove(node);
+                }
+            }
+            let nodes: Vec<u32> = nodes.into_iter().collect();
+            let options = PairOptions {
+                search_distance: Some(DEPTH[1] * stated.longest),
+                rest: Some(&self.mesh),
+                ..PairOptions::default()
+            };
+            let others = Met::Facets(&data.others);
+            let found = match node_contact(&body, &nodes, &data.facets, others, &options) {
+                // No node is near.
+                Err(ContactError::Apart { .. }) => continue,
+                found => found.map_err(|error| {
+                    let pair = &self.definition.pairs[*number as usize];
+                    pair.entity(*number as usize).error(Fault::Contact(error))
+                })?,
+            };
+            if found
+                .iter()
+                .any(|place| place.gap < -DEPTH[0] * stated.longest)
+            {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The places of a pair of bodies.
+    fn meet_bodies(
+        &self,
+        moved: &Mesh<D>,
+        [now, before]: [&[Touch<D>]; 2],
+        to: &Moment<D>,
+        pair: u32,
+        met: &mut Meeting<D>,
+    ) -> Result<(), ModelError> {
+        let body = Body {
+            mesh: moved,
+            ..self.body()
+        };
+        let (definition, number) = (&self.definition, pair as usize);
+        let data = &self.pairs[number];
+        let found = definition.pairs[number].meet_moved(&body, data, &self.mesh, &self.sliding);
+        let failed = |error| {
+            definition.pairs[number]
+                .entity(number)
+                .error(Fault::Contact(error))
+        };
+        let places = found.map_err(failed)?;
+        let earlier = [now, before].map(Earlier::new);
+        let stated = &self.sliding.stated[&pair];
+        let within = 0.5 * stated.facet;
+        let mut touches: Vec<Touch<D>> = (places.into_iter())
+            .map(|mut place| {
+                place.gap += stated.beyond(&place, to.grown);
+                let mut touch = self.touch(place, pair, &moved.nodes);
+                touch.distance = touch.place.gap;
+                touch
+            })
+            .collect();
+        let near = |earlier: &Earlier<D>, touch: &Touch<D>, within: f64| {
+            earlier.nearest(touch.rest, touch.normal(), within)
+        };
+        // A force goes to one place: the nearest. Places keep the order of those whose forces they have.
+        let of_now = {
+            let here = Earlier::new(&touches);
+            let mutual = touches.iter().enumerate().map(|(i, touch)| {
+                let from = near(&earlier[0], touch, within);
+                from.filter(|&k| near(&here, &now[k], within) == Some(i))
+            });
+            mutual.collect::<Vec<_>>()
+        };
+        for (touch, now_at) in touches.iter_mut().zip(&of_now) {
+            // A place that the other side has come to slips as the nearest one does that was opposite to it.
+            if let Some(k) = near(&earlier[1], touch, f64::INFINITY) {
+                let origin = &before[k];
+                let there = Self::apart(&origin.place, &moved.nodes);
+                let then = turned_with(origin.apart, origin.normal(), touch.normal());
+                touch.slip = minus(there, then);
+            }
+            let origin = near(&earlier[1], touch, within).map(|k| &before[k]);
+            touch.carries(now_at.map(|k| &now[k]), origin);
+        }
+        let mut order: Vec<usize> = (0..touches.len()).collect();
+        order.sort_by_key(|&i| of_now[i].unwrap_or(usize::MAX));
+        met.is_alike &= touches.len() == now.len() && of_now.iter().all(Option::is_some);
+        met.touches
+            .extend(order.into_iter().map(|i| touches[i].clone()));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::vector::length;
+
+    /// The turn that takes one direction to another keeps lengths.
+    #[test]
+    fn forces_turn_with_their_obstacle() {
+        let (from, to) = ([0.6, 0.0, 0.8], [0.0, -1.0, 0.0]);
+        let turned = turned_with(from, from, to);
+        assert!((0..3).all(|c| (turned[c] - to[c]).abs() < 1e-15));
+        let v = [0.3, -2.0, 0.7];
+        assert!((length(turned_with(v, from, to)) - length(v)).abs() < 1e-14);
+    }
+}
