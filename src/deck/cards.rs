@@ -335,11 +335,13 @@ impl<'a> Said<'a> {
         for (name, value) in &k.options {
             let no = value.eq_ignore_ascii_case("no");
             match name.as_str() {
-                "NLGEOM" if !no => self.refuse(
-                    k.line,
-                    "NLGEOM",
-                    "*STEP, NLGEOM: displacements and rotations are assumed small",
-                ),
+                "NLGEOM" if !no => match self.ignores("NLGEOM") {
+                    true => {
+                        let passed = self.passed.entry("NLGEOM (ignored)".to_owned());
+                        passed.or_insert(k.line);
+                    }
+                    false => _ = self.large.get_or_insert(k.line),
+                },
                 "PERTURBATION" => self.refuse(
                     k.line,
                     "PERTURBATION",

@@ -238,6 +238,8 @@ pub(super) struct Said<'a> {
     pub sections: Vec<Section<'a>>,
     pub amplitudes: Vec<Amplitude>,
     pub steps: Vec<StepCard>,
+    /// The line of the first step with large displacements.
+    pub large: Option<usize>,
     pub loads: Vec<Load<'a>>,
     /// Node or set and value, with the line.
     pub initial_temperatures: Vec<(usize, &'a str, f64)>,

@@ -11,7 +11,7 @@ use super::history::Times;
 use super::said::{Kind, MaterialCard, Refusal, Said};
 use crate::elasticity::{Material, Plane};
 use crate::mesh::abaqus::index::{Index, Wrong};
-use crate::model::{Definition, Filling, Quantity, Steps, Units};
+use crate::model::{Definition, Filling, Geometry, Quantity, Steps, Units};
 use nodes::Alike;
 use std::collections::BTreeMap;
 
@@ -199,6 +199,14 @@ impl<const D: usize> Translation<'_, '_, D> {
     fn whole(&mut self) {
         // A deck does not state its units.
         self.definition.units = Some(Units::untold());
+        if let Some(line) = self.said.large {
+            self.definition.analysis.geometry = Geometry::Large;
+            if self.said.steps.first().is_some_and(|step| step.line < line) {
+                self.notes.push(format!(
+                    "line {line}: *STEP, NLGEOM: displacements are large in the steps before it as well"
+                ));
+            }
+        }
         if D == 2 {
             let is_there = |begin: &str| self.said.types.iter().any(|name| name.starts_with(begin));
             let plane = PLANES.iter().rfind(|(begin, _)| is_there(begin));
