@@ -279,11 +279,13 @@ class Model:
         thickness: float | None = None,
         gravity: Sequence[float] | None = None,
         rotation: Mapping[str, Any] | None = None,
+        geometry: str | None = None,
         **more: Any,
     ) -> Model:
-        """Set "plane_strain", "plane_stress" or "axisymmetric", the thickness in m, gravity in m/s², and a rotation about an
-        axis."""
+        """Set "plane_strain", "plane_stress" or "axisymmetric", the thickness in m, gravity in m/s², a rotation about an
+        axis, and "small" or "large" displacements (`geometry`)."""
         entries: dict[str, Any] = {"plane": plane, "thickness": thickness, "gravity": gravity, "rotation": rotation}
+        entries["geometry"] = geometry
         return self._say("analysis", **entries, **more)
 
     def units(self, *, length: str | None = None, force: str | None = None) -> Model:

@@ -5,7 +5,7 @@ use crate::errors::{SolveError, argument, guarded, of_build, of_case, of_engine,
 use crate::fork;
 use crate::mesh::Mesh;
 use crate::settings;
-use crate::solved::{AnyRun, Run, Solved};
+use crate::solved::{AnyRun, Made, Run, Solved};
 use crate::watch::{Ear, News, Voice, watched};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
@@ -463,8 +463,8 @@ impl Problem {
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
             Failure::Large => SolveError::new_err(
-                "large displacements are available in the program (signorini solve case.toml) and in Rust, not in Python yet: leave out \
-                 geometry = \"large\" here",
+                "where displacements are large, a solve begins at rest with the friction of its model: leave out all that changes the \
+                 problem, or geometry = \"large\"",
             ),
             Failure::Fork(what) => SolveError::new_err(format!("{what}: {}", fork::REMEDY)),
         })?;
@@ -485,7 +485,7 @@ enum Failure {
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
-    /// Displacements may be large.
+    /// Displacements may be large, and the solve is to change or to continue what the model states.
     Large,
     /// An operation that is impossible in a fork.
     Fork(&'static str),
@@ -527,7 +527,8 @@ impl Job<'_> {
         ElementKind: Space<D>,
     {
         let start = Instant::now();
-        if analysis.elastic.is_some_and(|elastic| elastic.is_large()) {
+        let is_large = analysis.elastic.is_some_and(|elastic| elastic.is_large());
+        if is_large && (before.is_some() || !self.changes.is_empty()) {
             return Err(Failure::Large);
         }
         let state = match before {
@@ -594,7 +595,7 @@ impl Job<'_> {
                 Event::Ends(solved) => {
                     report.add_step(&StepResults::new(analysis, &solved));
                     voice.tell(News::Ends(number, word(solved.solution.status)));
-                    steps.push(solved.solution);
+                    steps.push(Made::new(*solved));
                 }
             }
             match goes_on {

@@ -8,10 +8,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::CaseProblem;
 use signorini::contact::Space;
-use signorini::elasticity::{Stress, stresses};
+use signorini::elasticity::Stress;
 use signorini::mesh::{AnyMesh, ElementKind};
-use signorini::model::{Analysis, AnyAnalysis, Elastic, StepData};
-use signorini::output::{ContactFields, Draw, OutputError, Report, Results, shown_at_nodes};
+use signorini::model::{Analysis, AnyAnalysis, Built, Elastic, StepData};
+use signorini::output::{
+    ContactFields, Draw, OutputError, Report, Results, StepFields, shown_at_nodes,
+};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State, StepSolution};
 use signorini::solve;
@@ -20,18 +22,53 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The load steps of a solve in D dimensions, and their report.
-pub struct Run<const D: usize> {
+pub struct Run<const D: usize>
+where
+    ElementKind: Space<D>,
+{
     /// The problem, if the solve has changed the one it was called on.
     pub problem: Option<ContactProblem<D>>,
-    pub steps: Vec<StepSolution<D>>,
+    pub steps: Vec<Made<D>>,
     pub report: Report,
 }
 
-impl<const D: usize> Run<D> {
+/// A load step.
+pub struct Made<const D: usize>
+where
+    ElementKind: Space<D>,
+{
+    pub solution: StepSolution<D>,
+    /// With large displacements, the bodies where they are, and the load there.
+    pub displaced: Option<(Arc<Built<D>>, StepData<D>)>,
+    pub parts: usize,
+}
+
+impl<const D: usize> Made<D>
+where
+    ElementKind: Space<D>,
+{
+    pub fn new(solved: solve::Solved<D>) -> Self {
+        Self {
+            displaced: solved.displaced.zip(solved.data.cloned()),
+            parts: solved.parts,
+            solution: solved.solution,
+        }
+    }
+
+    /// What its vectors belong to.
+    fn of<'a>(&'a self, analysis: Analysis<'a, D>) -> Analysis<'a, D> {
+        (self.displaced.as_ref()).map_or(analysis, |(built, _)| Analysis::from(&**built))
+    }
+}
+
+impl<const D: usize> Run<D>
+where
+    ElementKind: Space<D>,
+{
     /// Where it has ended, if it has begun; `source` is the problem that it was asked of.
     pub fn end(&self, source: &ContactProblem<D>) -> Option<State> {
         let problem = self.problem.as_ref().unwrap_or(source);
-        Some(self.steps.last()?.state(&Load::of(problem)))
+        Some(self.steps.last()?.solution.state(&Load::of(problem)))
     }
 }
 
@@ -88,7 +125,8 @@ impl Solved {
     /// u, λν, λτ (m × (D − 1)), the slip bounds and the slip of a step from matrices.
     fn vectors<'py>(&self, py: Python<'py>, step: usize) -> PyResult<Bound<'py, PyDict>> {
         either!(self, (analysis, run) => {
-            let solution = at(&run.steps, step)?;
+            let made = at(&run.steps, step)?;
+            let (analysis, solution) = (made.of(analysis), &made.solution);
             let (normal, tangential) = solution.lambda.split_at(analysis.problem.m());
             let all = PyDict::new(py);
             all.set_item("u", flat(py, solution.u[..analysis.problem.n()].to_vec()))?;
@@ -119,9 +157,9 @@ impl Solved {
     /// u of all nodes of the mesh in a step.
     fn displacement<'py>(&self, py: Python<'py>, step: usize) -> PyResult<Bound<'py, PyAny>> {
         either!(self, (analysis, run) => {
-            let solution = at(&run.steps, step)?;
-            let u = of_bodies(py, analysis, step, |_, data| {
-                data.unknowns.displacements(&solution.u)
+            let made = at(&run.steps, step)?;
+            let u = of_bodies(py, analysis, (step, made), |_, data| {
+                data.unknowns.displacements(&made.solution.u)
             })?;
             Ok(table(py, &u)?.into_any())
         })
@@ -131,11 +169,11 @@ impl Solved {
     fn stress<'py>(&self, py: Python<'py>, step: usize) -> PyResult<[Bound<'py, PyAny>; 2]> {
         let row = |s: &Stress| [s.xx, s.yy, s.zz, s.xy, s.yz, s.zx];
         either!(self, (analysis, run) => {
-            let solution = at(&run.steps, step)?;
-            let (nodes, elements) = of_bodies(py, analysis, step, |elastic, data| {
-                let u = data.unknowns.displacements(&solution.u);
-                stresses(&elastic.body(), &u)
+            let made = at(&run.steps, step)?;
+            let fields = of_bodies(py, analysis, (step, made), |elastic, data| {
+                StepFields::new(elastic, data, &made.solution)
             })?;
+            let (nodes, elements) = (fields.at_nodes, fields.in_elements);
             let rows = |all: Vec<Stress>| all.iter().map(row).collect::<Vec<_>>();
             Ok([
                 table(py, &rows(nodes))?.into_any(),
@@ -155,10 +193,12 @@ impl Solved {
         where
             ElementKind: Space<D>,
         {
-            let solution = at(&run.steps, step)?;
+            let made = at(&run.steps, step)?;
+            let there = made.of(analysis);
             let (fields, vectors, states, shown) =
-                of_bodies(py, analysis, step, |elastic, data| {
-                    let fields = ContactFields::new(analysis.problem, elastic, data, solution);
+                of_bodies(py, analysis, (step, made), |elastic, data| {
+                    let solution = &made.solution;
+                    let fields = ContactFields::new(there.problem, elastic, data, solution);
                     let count = fields.gap.len();
                     let whole = |i| {
                         let [pressed, rubbed] = fields.traction_vectors(i);
@@ -173,7 +213,7 @@ impl Solved {
                     }
                     (fields, vectors, states, shown)
                 })?;
-            let elastic = analysis.elastic.expect("it has bodies");
+            let elastic = there.elastic.expect("it has bodies");
             let places = &elastic.contact.places;
             let points: Vec<[f64; D]> = places.iter().map(|place| place.place).collect();
             let normals: Vec<[f64; D]> = places.iter().map(|place| place.frame[0]).collect();
@@ -257,13 +297,17 @@ where
     if plots {
         results.draw();
     }
-    for (step, solution) in run.steps.iter().enumerate() {
+    for (step, made) in run.steps.iter().enumerate() {
+        let (built, data) = match &made.displaced {
+            Some((built, data)) => (Some(Arc::clone(built)), Some(data.clone())),
+            None => (None, analysis.step(step)?),
+        };
         results.add(&solve::Solved {
             number: step + 1,
-            data: analysis.step(step)?.as_ref(),
-            solution: solution.clone(),
-            displaced: None,
-            parts: 1,
+            data: data.as_ref(),
+            solution: made.solution.clone(),
+            displaced: built,
+            parts: made.parts,
         })?;
     }
     if let Some(error) = &run.report.error {
@@ -283,7 +327,10 @@ where
 }
 
 /// One of the steps made.
-fn at<const D: usize>(steps: &[StepSolution<D>], step: usize) -> PyResult<&StepSolution<D>> {
+fn at<const D: usize>(steps: &[Made<D>], step: usize) -> PyResult<&Made<D>>
+where
+    ElementKind: Space<D>,
+{
     let count = steps.len();
     (steps.get(step)).ok_or_else(|| PyIndexError::new_err(format!("{count} load steps were made")))
 }
@@ -292,7 +339,7 @@ fn at<const D: usize>(steps: &[StepSolution<D>], step: usize) -> PyResult<&StepS
 fn of_bodies<const D: usize, T: Send>(
     py: Python<'_>,
     analysis: Analysis<D>,
-    step: usize,
+    (step, made): (usize, &Made<D>),
     follows: impl FnOnce(&Elastic<D>, &StepData<D>) -> T + Send,
 ) -> PyResult<T>
 where
@@ -302,8 +349,9 @@ where
         let text = "a problem from matrices has no mesh: its vectors are u and lambda_normal, lambda_tangential";
         return Err(pyo3::exceptions::PyAttributeError::new_err(text));
     };
-    guarded(py, || {
-        elastic.step(step).map(|data| follows(elastic, &data))
+    guarded(py, || match &made.displaced {
+        Some((built, data)) => Ok(follows(&built.elastic, data)),
+        None => elastic.step(step).map(|data| follows(elastic, &data)),
     })?
     .map_err(|error| crate::errors::of_solve(error.into()))
 }

@@ -125,6 +125,44 @@ def test_temperatures() -> None:
     np.testing.assert_allclose(found[1].u, found[0].u, atol=1e-7 * np.abs(found[0].u).max())
 
 
+def test_stresses_know_temperatures() -> None:
+    """A bar that is free to grow has none; held between walls, −E α ΔT."""
+    mesh = signorini.rectangle([3, 1], [6, 2])
+    found = []
+    for held in ("left", ["left", "right"]):
+        model = signorini.Model(mesh).material(young=2e11, poisson=0.0, expansion=1e-5).temperature(50)
+        model.support(held, x=0).support("bottom", y=0).contact("top", obstacle={"half_plane": {"point": [0, 9], "normal": [0, -1]}})
+        found.append(model.solve().stress[:, 0])
+    np.testing.assert_allclose(found[0], 0.0, atol=1.0)
+    np.testing.assert_allclose(found[1], -1e8, rtol=1e-9)
+
+
+def test_large_displacements() -> None:
+    """Two blocks that press each other turn by 90°, with their forces; files and results are those of where they are."""
+    parts = {"low": signorini.rectangle([1, 0.5], [8, 4]), "up": signorini.rectangle([0.8, 0.5], [5, 3])}
+    mesh = signorini.Mesh.join(parts, shift={"up": [0.1, 0.46]})
+    model = signorini.Model(mesh, "turned").material(young=1, poisson=0.3).analysis(geometry="large").steps([0, 0.5, 1])
+    for side in ("low-bottom", "up-top"):
+        model.support(side, rotate={"point": [0.5, 0.5], "angle": 90})
+    model.contact("up-bottom", "low-top", overlap="interference", friction={"coulomb": 0.3})
+    solution = model.solve(tolerance=1e-9)
+    assert solution.status == "converged"
+    forces = [step.contacts["up-bottom"].force for step in solution.steps]
+    assert forces[0][1] > 0.03
+    np.testing.assert_allclose(forces[2], [-forces[0][1], forces[0][0]], atol=1e-7)
+    top = mesh.boundaries["up-top"].ravel()
+    points, u = mesh.points[top] - 0.5, solution.u[top]
+    np.testing.assert_allclose(points + u, np.stack([-points[:, 1], points[:, 0]], axis=1), atol=1e-9)
+    # Stresses turn, contact places are displaced.
+    pressures = [step.contacts["up-bottom"].pressure for step in solution.steps]
+    np.testing.assert_allclose(pressures[2], pressures[0], atol=1e-6)
+    np.testing.assert_allclose(solution.steps[2].stress[:, 0], solution.steps[0].stress[:, 1], atol=1e-6)
+    places = [step.contacts["up-bottom"].points - 0.5 for step in solution.steps]
+    np.testing.assert_allclose(places[2], np.stack([-places[0][:, 1], places[0][:, 0]], axis=1), atol=1e-6)
+    with pytest.raises(signorini.SolveError, match="leave out all that changes"):
+        model.build().solve(friction=0.1)
+
+
 def test_names_ties_and_forces() -> None:
     """A block of two tied halves is the block; named parts are listed by their names."""
     halves = {"low": signorini.rectangle([2, 0.5], [8, 2]), "high": signorini.rectangle([2, 0.5], [8, 2])}
