@@ -32,6 +32,7 @@ shrink-fit deformed-002 shrink-fit
 shrink-fit contact-002 shrink-fit-contact
 brake deformed-003 brake
 ball-joint contact-003 ball-joint
+ironing deformed-003 ironing
 bracket-3d deformed bracket-3d
 ball deformed ball
 END

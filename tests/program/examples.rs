@@ -5,7 +5,7 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 13] = [
+const TEMPLATES: [&str; 14] = [
     "stack",
     "press",
     "cylinder",
@@ -18,6 +18,7 @@ const TEMPLATES: [&str; 13] = [
     "shrink-fit",
     "brake",
     "ball-joint",
+    "ironing",
     "matrices/block",
 ];
 
