@@ -342,6 +342,17 @@ where
         return;
     }
     let length = Units::behind(&units.length);
+    if pair.places == 0 {
+        lines.push(format!(
+            "contact       {}\"{}\" / {}: no places at rest, as the sides are farther apart than the search distance {:.4e}{length}; {}",
+            (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" on ")),
+            pair.boundary,
+            pair.against,
+            pair.search_distance,
+            pair.friction,
+        ));
+        return;
+    }
     lines.push(format!(
         "{}{}\"{}\" / {}: {} places, {:.4e}{}, initial gap {:.4e} to {:.4e}{length}, {}; \
          {} of them within the search distance {:.4e}{length}",

@@ -7,7 +7,7 @@ mod matrices;
 mod results;
 
 use crate::or_panic::OrPanic as _;
-use crate::run::{command, directory, read, report, signorini, text};
+use crate::run::{command, directory, read, report, signorini, signorini_in, solved_in, text};
 use std::path::Path;
 use std::process::Output;
 
@@ -261,6 +261,47 @@ fn the_report_names_the_nested_path() {
             .as_u64()
             .is_some_and(|count| count > 20 && count < 300)
     );
+}
+
+/// Bodies that meet later have no places at rest: every command says so, and results are those of the end.
+#[test]
+fn bodies_may_meet_later() {
+    let case = r#"
+        [[mesh.part]]
+        name = "low"
+        rectangle = { size = [4, 1], cells = [24, 6] }
+        [[mesh.part]]
+        name = "up"
+        rectangle = { origin = [1, 3], size = [0.5, 0.5], cells = [4, 4] }
+        [analysis]
+        geometry = "large"
+        [[material]]
+        young = 1
+        poisson = 0.3
+        law = "neo-hooke"
+        [[support]]
+        boundary = "low-bottom"
+        x = 0
+        y = 0
+        [[support]]
+        boundary = "up-top"
+        x = 0
+        y = -2.1
+        [[contact]]
+        boundary = "up-bottom"
+        against = "low-top"
+        [steps]
+        factors = [0.5, 1]
+    "#;
+    let place = directory();
+    let report = solved_in(place.path(), case);
+    let force = |step: usize| report["steps"][step]["contacts"][0]["force"][1].as_f64();
+    assert_eq!(force(0), Some(0.0));
+    assert!(force(1).is_some_and(|force| force > 0.05), "{report}");
+    let run = signorini_in(place.path(), &["check", "case.toml"]);
+    let said = text(&run.stdout);
+    assert!(said.contains("no places at rest"), "{said}");
+    assert!(!said.contains(" inf "), "{said}");
 }
 
 #[test]
