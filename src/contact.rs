@@ -103,6 +103,9 @@ where
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
     /// obstacle; None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
+    /// Whether bodies are going to move: a facet counts as wholly covered if hardly anything of it is missed, as where they have
+    /// moved.
+    pub moves: bool,
     /// Between bodies that have moved, the mesh at rest: fields are functions of places there, edges cut the boundaries into
     /// parts as they did there, and gaps are the distances of the moved boundaries, of either sign.
     pub rest: Option<&'a Mesh<D>>,
@@ -125,6 +128,7 @@ where
             symmetry: None,
             held: None,
             search_distance: None,
+            moves: false,
             rest: None,
         }
     }

@@ -54,10 +54,9 @@ const HELP: [Help; 5] = {
 
 /// Why a step has not converged.
 enum Ended {
-    /// It took too many iterations, elements collapsed, or no remedy made its tangent definite.
-    Lost,
-    /// Contact does not hold these bodies.
-    NotHeld(Vec<NotHeld>),
+    /// It took too many iterations, elements collapsed, or no remedy made its tangent definite; or contact did not hold these
+    /// bodies.
+    Lost(Vec<NotHeld>),
     Stopped(Status),
 }
 
@@ -198,19 +197,23 @@ where
             let made = (self.elastic).configuration(before, moments, &now, first, HELP[0]);
             let at = match made {
                 // A boundary that is folded on the way is not the fault of the model.
-                Err(error) if !first && error.is_folded() => return Ok(Err(Ended::Lost)),
+                Err(error) if !first && error.is_folded() => {
+                    return Ok(Err(Ended::Lost(Vec::new())));
+                }
                 made => made?,
             };
             if !first {
                 let violation = at.violation();
                 let off = norm_max(&[violation.max(), at.unmoved(&now.displacement)]);
                 if !off.is_finite() {
-                    return Ok(Err(Ended::Lost));
+                    return Ok(Err(Ended::Lost(Vec::new())));
                 }
                 if off <= tolerance {
                     self.elastic.check_driven(&at)?;
-                    if self.elastic.is_pierced(&now, &at.touches)? {
-                        return Ok(Err(Ended::Lost));
+                    match self.elastic.is_pierced(&now, &at.touches) {
+                        Ok(false) => {}
+                        Err(error) if !error.is_folded() => return Err(error.into()),
+                        _ => return Ok(Err(Ended::Lost(Vec::new()))),
                     }
                     let unstable = !self.is_stable(before, moments, &now, &at)?;
                     return Ok(Ok(Reached {
@@ -229,13 +232,13 @@ where
             let Some((at, solution)) =
                 self.helped(before, moments, &now, at, first, inner, watch)?
             else {
-                return Ok(Err(Ended::Lost));
+                return Ok(Err(Ended::Lost(Vec::new())));
             };
             match solution.status {
                 Status::TimeLimit | Status::Interrupted => {
                     return Ok(Err(Ended::Stopped(solution.status)));
                 }
-                Status::NotHeld => return Ok(Err(Ended::NotHeld(solution.not_held))),
+                Status::NotHeld => return Ok(Err(Ended::Lost(solution.not_held))),
                 _ => {}
             }
             let moves = at.left.displacements(&solution.u);
@@ -255,7 +258,7 @@ where
                 }
                 part *= 0.5;
                 if part < 1e-3 {
-                    return Ok(Err(Ended::Lost));
+                    return Ok(Err(Ended::Lost(Vec::new())));
                 }
             };
             let new: Vec<[f64; D]> = (at.touches.iter().zip(forces))
@@ -288,7 +291,7 @@ where
                 .collect();
             now.displacement = displacement;
         }
-        Ok(Err(Ended::Lost))
+        Ok(Err(Ended::Lost(Vec::new())))
     }
 
     /// The combination of the last iterations that is nearest to a fixed point, and its least det F; None where contact would pull.
@@ -375,7 +378,7 @@ where
             unstable,
             ..
         } = reached;
-        let (elastic, data, u) = self.elastic.results_at(&settled, to, &at);
+        let (elastic, data, u, slip) = self.elastic.results_at(&settled, to, &at);
         let solution = StepSolution {
             status: if unstable {
                 Status::Unstable
@@ -384,9 +387,7 @@ where
             },
             slip_bound: at.problem.bounds(&at.lambda).into_owned(),
             u,
-            slip: (at.load.slide.iter().zip(&at.state.slide))
-                .map(|(to, from)| to - from)
-                .collect(),
+            slip,
             sets: at.sets(),
             rounds: std::mem::take(&mut self.rounds),
             kkt: violation,
@@ -443,6 +444,7 @@ where
             return Ok(());
         }
         let mut time = end - 1.0;
+        before.begin();
         let mut last: Option<Reached<D>> = None;
         let mut parts = 0;
         let (mut failed, mut not_held) = (None, Vec::new());
@@ -473,17 +475,14 @@ where
                     failed = Some(status);
                     break;
                 }
-                Err(Ended::Lost) => {
+                Err(Ended::Lost(bodies)) => {
                     longest = 0.5 * longest.min(to_time - time);
                     if longest < 0.5_f64.powi(CUTS) {
-                        failed = Some(Status::Stagnated);
-                        break;
-                    }
-                }
-                Err(Ended::NotHeld(bodies)) => {
-                    longest = 0.5 * longest.min(to_time - time);
-                    if longest < 0.5_f64.powi(CUTS) {
-                        (failed, not_held) = (Some(Status::NotHeld), bodies);
+                        failed = Some(match bodies.is_empty() {
+                            true => Status::Stagnated,
+                            false => Status::NotHeld,
+                        });
+                        not_held = bodies;
                         break;
                     }
                 }
@@ -496,7 +495,7 @@ where
                 let at = elastic.configuration(&before, [&from; 2], &before, false, HELP[0])?;
                 Reached {
                     violation: at.violation(),
-                    settled: before.clone(),
+                    settled: elastic.settled(before.clone(), &at),
                     at,
                     iterations: 0,
                     unstable: false,

@@ -55,7 +55,7 @@ where
         }
     }
 
-    /// What its vectors belong to.
+    /// The analysis that its vectors belong to.
     fn of<'a>(&'a self, analysis: Analysis<'a, D>) -> Analysis<'a, D> {
         (self.displaced.as_ref()).map_or(analysis, |(built, _)| Analysis::from(&**built))
     }

@@ -79,8 +79,8 @@ pub struct SlaveFacet<const D: usize> {
     depth: Depth,
     /// The directions along which some of its nodes are held.
     held: Vec<HeldAlong<D>>,
-    /// Whether bodies have moved.
-    has_moved: bool,
+    /// Whether the bodies move: [`PairOptions::moves`].
+    moves: bool,
 }
 
 /// Directions along which the same nodes of a facet are held.
@@ -376,7 +376,7 @@ where
         .into_par_iter()
         .map(|number| {
             let mut slave = SlaveFacet::new(body, &first, number);
-            slave.has_moved = options.rest.is_some();
+            slave.moves = options.moves;
             if let Some(held) = options.held {
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
@@ -492,7 +492,7 @@ impl<const D: usize> SlaveFacet<D> {
             slack: surface.slack[number],
             depth: body.depth(),
             held: Vec::new(),
-            has_moved: false,
+            moves: false,
         }
     }
 
@@ -521,10 +521,10 @@ impl<const D: usize> SlaveFacet<D> {
     }
 
     /// The part of its size that may be missed along its border if it bends by `bend`: zero for a flat one, whose border
-    /// shows that of the other side. Where bodies have moved, borders that met at rest differ a little, and Newton's
-    /// method needs the same places at each of its iterations.
+    /// shows that of the other side. Where bodies move, borders that met at rest differ a little, and Newton's method
+    /// needs the same places at each of its iterations.
     fn missed(&self, bend: f64) -> f64 {
-        match self.has_moved {
+        match self.moves {
             true => MISSED,
             false => bend.clamp(SAME, MISSED),
         }

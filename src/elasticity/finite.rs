@@ -45,11 +45,11 @@ where
     pub step: Option<&'a [[f64; D]]>,
     /// Whether the tangent is made without stresses that soften it.
     pub stiffened: bool,
-    /// What holds each node of bodies that can move as a whole; empty: none can.
+    /// The kind of each node, by its body; empty: all bodies are held.
     pub loose: &'a [Loose],
 }
 
-/// A node of a body that no support holds, or not in every way: the tangent of its elements is made without stresses, so that it
+/// A node of a body that no support holds, or not in every way (ties do not count): the tangent of its elements is made without stresses, so that it
 /// does not resist motions as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Loose {
@@ -59,7 +59,7 @@ pub enum Loose {
     /// Its body is free.
     Free,
     /// Supports hold its body in some ways, and the tangent is that of rest. Where the held nodes have moved a little, they resist
-    /// every motion a little: a stiffness that is nothing beside that of contact, and would ruin the condition of A.
+    /// every motion a little: a stiffness far smaller than that of contact, which would ruin the condition of A.
     Partly,
 }
 
@@ -718,7 +718,7 @@ where
         }
     }
 
-    /// What holds an element's body: nodes that supports hold say nothing.
+    /// The kind of an element's body, by those of its nodes that supports do not hold.
     fn loose_at(&self, element: &mesh::Element<D>) -> Loose {
         let of_nodes = element.nodes().iter();
         let mut of_nodes = of_nodes.filter_map(|&node| self.loose.get(node as usize));

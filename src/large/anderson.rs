@@ -8,10 +8,10 @@ use crate::sparse::{add_times, norm};
 use faer::Mat;
 use std::collections::VecDeque;
 
-/// Points that are combined at most: with 5 a prototype took 11 to 14 iterations for 24 to 31 without.
+/// Differences of successive points that are combined at most: with 5 a prototype took 11 to 14 iterations for 24 to 31 without.
 const DEPTH: usize = 5;
-/// Residuals whose part beyond the span of later ones is less than this part of them are left out: the combination would
-/// multiply their rounding, and what K differs by from point to point.
+/// Differences of residuals below this part of the last residual are left out: they are rounding, which the combination would
+/// multiply.
 const NEW: f64 = 1e-8;
 
 /// The last points of an iteration.

@@ -13,6 +13,7 @@ use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
+use std::collections::HashSet;
 use std::time::Instant;
 
 /// A model ready to be solved: the contact problem, and its bodies.
@@ -175,6 +176,7 @@ where
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])
             .collect();
+        let is_met: HashSet<u32> = candidates.pair_of.iter().copied().collect();
         let (mut kept, mut sliding) = (Vec::new(), Sliding::default());
         match definition.is_large() {
             true => {
@@ -183,7 +185,7 @@ where
             }
             false => definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?,
         }
-        definition.count_places(&mesh, &contact, &pair_of, &mut candidates.pairs)?;
+        definition.count_places(&mesh, &contact, &pair_of, &is_met, &mut candidates.pairs)?;
 
         let support_centres = definition.support_centres(&body, &prescriptions);
         let elastic = Elastic {

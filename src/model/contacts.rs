@@ -216,7 +216,7 @@ where
 /// Unit vectors that belong to nodes.
 type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
-/// What is needed to find the contact places of bodies again where these have moved.
+/// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sliding<const D: usize> {
     /// The planes of symmetry of nodes.
@@ -230,8 +230,9 @@ pub(super) struct Sliding<const D: usize> {
 /// The difference between the gap that is stated for two bodies at rest and that between their meshes.
 #[derive(Clone, Debug)]
 pub(super) struct Stated {
-    /// The longest way between corners of a facet of the boundary that has the multipliers, and of either.
+    /// The longest way between corners of a facet of the boundary that has the multipliers.
     pub(super) facet: f64,
+    /// The same of either boundary.
     pub(super) longest: f64,
     /// At nodes of the boundary that has the multipliers; none where they are equal.
     beyond: HashMap<u32, f64>,
@@ -240,7 +241,7 @@ pub(super) struct Stated {
 }
 
 impl Stated {
-    /// What belongs to the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
+    /// The summand of the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
     pub(super) fn beyond<const D: usize>(&self, place: &ContactPlace<D>, grown: f64) -> f64 {
         let of_nodes = place.own.iter();
         let of_nodes = of_nodes.map(|(node, w)| w * self.beyond.get(node).unwrap_or(&0.0));
@@ -323,6 +324,7 @@ where
             symmetry: Some(symmetry),
             held: Some(held),
             search_distance: self.search_distance,
+            moves: large && !self.is_tie(),
             rest: None,
         };
         let (mut others, mut unmet) = (Vec::new(), None);
@@ -401,6 +403,14 @@ impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
+    /// The nodes of its own side.
+    pub(super) fn own_nodes(&self, mesh: &Mesh<D>, data: &PairData<D>) -> Vec<u32> {
+        match self.is_by_nodes() {
+            true => nodes_of_sets(mesh, self.side()).unwrap_or_default(),
+            false => data.facets.iter().flat_map(facet_nodes).copied().collect(),
+        }
+    }
+
     /// The contact places of two bodies that have moved, as those of `rest` have; none where they are too far from each other.
     pub(super) fn meet_moved(
         &self,
@@ -422,13 +432,14 @@ where
             symmetry: Some(&sliding.symmetry),
             held: Some(&sliding.held),
             search_distance: Some(data.search_distance),
+            moves: true,
             rest: Some(rest),
             ..PairOptions::default()
         };
         let (facets, others) = (&data.facets, &data.others);
         let found = match self.is_by_nodes() {
             true => {
-                let nodes = nodes_of_sets(rest, self.side()).unwrap_or_default();
+                let nodes = self.own_nodes(rest, data);
                 node_contact(body, &nodes, facets, Met::Facets(others), &options)
             }
             false => mortar_contact(body, facets, others, &options).map(|found| found.places),
@@ -542,7 +553,7 @@ where
         Ok(all)
     }
 
-    /// What is needed to find the places of contacts between two bodies again where these have moved.
+    /// The data that find the places of contacts between two bodies again where these have moved.
     pub(super) fn sliding(
         &self,
         body: &Body<D>,
@@ -555,7 +566,7 @@ where
             stated: HashMap::new(),
         };
         for (number, (pair, data)) in self.pairs.iter().zip(&found.pairs).enumerate() {
-            if data.obstacle.is_some() {
+            if !data.slides() {
                 continue;
             }
             let failed = |error| pair.entity(number).error(Fault::Contact(error));
@@ -613,12 +624,13 @@ where
         Ok(sliding)
     }
 
-    /// Completes the data of the contacts with their remaining places.
+    /// Completes the data of the contacts with their remaining places; `is_met` has those that have had any.
     pub(super) fn count_places(
         &self,
         mesh: &Mesh<D>,
         contact: &ContactRows<D>,
         pair_of: &[u32],
+        is_met: &HashSet<u32>,
         pairs: &mut [PairData<D>],
     ) -> Result<(), ModelError> {
         for (i, (place, &pair)) in contact.places.iter().zip(pair_of).enumerate() {
@@ -657,8 +669,10 @@ where
                 ));
             }
         }
-        let is_idle = |pair: &PairData<D>| pair.places == 0 && !(self.is_large() && pair.slides());
-        match pairs.iter().position(is_idle) {
+        // Bodies that meet later have had no places.
+        let is_idle =
+            |number: usize| is_met.contains(&(number as u32)) && pairs[number].places == 0;
+        match (0..pairs.len()).find(|&number| is_idle(number)) {
             None => Ok(()),
             Some(pair) => Err(self
                 .pair_entity(pair)

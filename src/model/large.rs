@@ -57,6 +57,13 @@ pub(crate) struct Deformation<const D: usize> {
     pub touches: Vec<Touch<D>>,
 }
 
+impl<const D: usize> Deformation<D> {
+    /// Begins a load step.
+    pub fn begin(&mut self) {
+        (self.touches.iter_mut()).for_each(|touch| touch.so_far = [0.0; D]);
+    }
+}
+
 /// A body that no support holds, or not in every way.
 #[derive(Clone, Debug)]
 pub(crate) struct LooseBody {
@@ -228,7 +235,7 @@ where
         })
     }
 
-    /// What holds each node; empty where all bodies are held.
+    /// Which nodes belong to bodies that can move as a whole; empty where all bodies are held.
     fn loose_nodes(&self, u: &[[f64; D]]) -> Vec<Loose> {
         /// A body that supports hold in some ways has the tangent of rest up to this turn: its error is that of directions, and slows
         /// convergence by as much.
@@ -383,7 +390,9 @@ where
             };
             let driven = self.helped(help, mean, &met, &mut blocks);
             let mut held = tangent_forces(&deformed, &still);
-            for ([a, b], block) in &blocks {
+            let is_loose = |node: u32| loose.get(node as usize).is_some_and(|is| *is != Loose::No);
+            // A body that can move as a whole must not resist that.
+            for ([a, b], block) in blocks.iter().filter(|(nodes, _)| !is_loose(nodes[0])) {
                 for (force, row) in held[*a as usize].iter_mut().zip(block) {
                     *force += dot(*row, still[*b as usize]);
                 }
@@ -560,25 +569,34 @@ where
         forces
     }
 
-    /// The state at the end of a load step, from which the next one begins.
+    /// The state at the end of a part of a load step, from which the next one begins.
     pub(crate) fn settled(&self, now: Deformation<D>, at: &Configuration<D>) -> Deformation<D> {
         let forces = self.forces_of(at, &at.lambda);
-        let touches = at.touches.iter().zip(forces);
+        // Without the elastic part of a compliant contact.
+        let mut slips = vec![[0.0; D]; at.touches.len()];
+        for (r, i, place) in at.contact.numbered() {
+            for (a, tangent) in place.frame[1..].iter().enumerate() {
+                let slip = -at.state.slide[(D - 1) * r + a];
+                (0..D).for_each(|c| slips[i][c] += slip * tangent[c]);
+            }
+        }
+        let touches = at.touches.iter().zip(forces).zip(slips);
+        let touches = touches.map(|((touch, force), slip)| touch.settled(force, slip));
         Deformation {
             step: vec![[0.0; D]; now.step.len()],
-            touches: touches.map(|(touch, force)| touch.settled(force)).collect(),
+            touches: touches.collect(),
             ..now
         }
     }
 
     /// The bodies where they are, for results, with u as long as K has rows, and what acts there: gaps and slip follow from u
-    /// as where displacements are small.
+    /// as where displacements are small. With the slip of each row in this load step.
     pub(crate) fn results_at(
         &self,
         now: &Deformation<D>,
         to: &Moment<D>,
         at: &Configuration<D>,
-    ) -> (Self, StepData<D>, Vec<f64>) {
+    ) -> (Self, StepData<D>, Vec<f64>, Vec<f64>) {
         let u: Vec<f64> = (0..to.unknowns.n_blocks())
             .flat_map(|block| now.displacement[to.unknowns.node(block) as usize])
             .collect();
@@ -589,11 +607,12 @@ where
         let gap = (at.contact.candidate.iter().zip(&moved))
             .map(|(&i, moved)| at.touches[i].distance + moved)
             .collect();
-        let mut slide = vec![0.0; slid.len()];
+        let (mut slide, mut slip) = (vec![0.0; slid.len()], vec![0.0; slid.len()]);
         for (r, i, place) in at.contact.numbered() {
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let k = (D - 1) * r + a;
                 slide[k] = dot(now.touches[i].slipped, *tangent) - slid[k];
+                slip[k] = dot(now.touches[i].so_far, *tangent);
             }
         }
         let mut total_load = [0.0; D];
@@ -622,7 +641,7 @@ where
             temperature: to.temperature.clone(),
             changes: None,
         };
-        (elastic, data, u)
+        (elastic, data, u, slip)
     }
 
     /// det ∂x/∂X where it is least.

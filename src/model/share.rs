@@ -6,6 +6,7 @@
 
 use super::analysis::{Holder, held_by, named_by};
 use super::build::loose;
+use super::contacts::Sliding;
 use super::elastic::Elastic;
 use super::error::ModelError;
 use super::loads::{StepData, TemperatureField, acting, end_of};

@@ -171,7 +171,12 @@ where
         let touching = contact.stick + contact.slip + contact.frictionless;
         if touching == 0 {
             let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
-            hints.push(if least > 1e-12 * size {
+            hints.push(if least.is_infinite() {
+                format!(
+                    "{name}: the sides are farther apart than the search distance {}",
+                    units.long(pair.search_distance)
+                )
+            } else if least > 1e-12 * size {
                 format!(
                     "{name}: no node touches; the least gap left is {}",
                     units.long(least)

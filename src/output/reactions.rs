@@ -131,7 +131,8 @@ where
         *area += place.area;
     }
     sums.into_iter()
-        .map(|(sum, area)| sum.map(|v| v / area))
+        // Sides that have not met yet have no centroid.
+        .map(|(sum, area)| sum.map(|v| if area > 0.0 { v / area } else { 0.0 }))
         .collect()
 }
 
@@ -178,6 +179,8 @@ where
             // The elastic part of a compliant contact is recovered.
             let slip = match elastic.contact.compliance.is_empty() {
                 _ if fields.status(i) == NodeStatus::Tied => 0.0,
+                // Rows are others in each step.
+                _ if elastic.is_large() => solution.slip[k],
                 true => fields.slip[k] - before.get(k).copied().unwrap_or(0.0),
                 false => solution.slip[k],
             };

@@ -138,7 +138,7 @@ pub(super) fn covers(
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
         let same = SAME.min(SAME_OF_WIDTH * (to - from));
         let missed = match bend {
-            None if !slave.has_moved => same,
+            None if !slave.moves => same,
             bend => slave.missed(bend.unwrap_or(0.0)),
         };
         let is_covered = from <= missed && 1.0 - to <= missed;

@@ -16,7 +16,7 @@ use crate::contact::{
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Mesh, facet_nodes};
+use crate::mesh::{ElementKind, Mesh};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::array::from_fn;
@@ -51,6 +51,8 @@ pub(crate) struct Touch<const D: usize> {
     /// The slip since then, and all before.
     pub slip: [f64; D],
     pub slipped: [f64; D],
+    /// The slip in this load step, up to the end of its last part.
+    pub so_far: [f64; D],
     /// From the obstacle or the other body; of ties 0.
     pub distance: f64,
     /// Where its nodes are opposite on the obstacle.
@@ -64,10 +66,11 @@ impl<const D: usize> Touch<D> {
         self.place.frame[0]
     }
 
-    /// As the next load step begins from it, with the force at the end of this one.
-    pub fn settled(&self, force: [f64; D]) -> Self {
+    /// As the next part of a load step begins from it, with the force at the end of this one and the slip in it.
+    pub fn settled(&self, force: [f64; D], slip: [f64; D]) -> Self {
         Self {
             force,
+            so_far: from_fn(|c| self.so_far[c] + slip[c]),
             slipped: from_fn(|c| self.slipped[c] + self.slip[c]),
             slip: [0.0; D],
             ..self.clone()
@@ -88,13 +91,14 @@ impl<const D: usize> Touch<D> {
         (pressing >= 0.0).then(|| from_fn(|c| pressing * nu[c] + part * along[c]))
     }
 
-    /// What it carries over from the one that it was in the configuration before, and from that at the end of the last load step.
+    /// Takes over from the place that it was in the configuration before, and from that at the end of the last load step.
     fn carries(&mut self, now: Option<&Self>, before: Option<&Self>) {
         let to = self.normal();
         let turned = |v: [f64; D], from: &Self| turned_with(v, from.normal(), to);
         self.force = now.map_or([0.0; D], |from| turned(from.force, from));
         self.origin = before.map_or([0.0; D], |from| turned(from.force, from));
         self.slipped = before.map_or([0.0; D], |from| turned(from.slipped, from));
+        self.so_far = before.map_or([0.0; D], |from| turned(from.so_far, from));
     }
 }
 
@@ -211,6 +215,7 @@ where
             origin: [0.0; D],
             slip: [0.0; D],
             slipped: [0.0; D],
+            so_far: [0.0; D],
             feet: Vec::new(),
         }
     }
@@ -341,53 +346,53 @@ where
         Ok(())
     }
 
-    /// Whether a boundary has come into the other body unseen: where it is folded or has turned away, its facets meet none of the
-    /// other side, and its nodes have no places.
+    /// Whether a boundary has come into the other body unseen: where it is folded or has turned away, its facets do not meet the
+    /// other side, and its nodes have no places. Nodes that are there at rest do not count.
     pub(crate) fn is_pierced(
         &self,
         now: &Deformation<D>,
         touches: &[Touch<D>],
     ) -> Result<bool, ModelError> {
-        /// In facets. Less is what facets differ by from the surfaces that they approximate; nodes that are deeper may be
-        /// beyond a thin body.
+        /// In facets, which differ by less from the surfaces that they approximate; nodes that are deeper may be beyond a thin
+        /// body.
         const DEPTH: [f64; 2] = [0.1, 1.0];
-        if !self.slides_anywhere() {
-            return Ok(false);
-        }
         let moved = self.moved(&now.displacement);
-        let body = Body {
-            mesh: &moved,
-            ..self.body()
-        };
-        for (number, stated) in &self.sliding.stated {
-            let data = &self.pairs[*number as usize];
-            let mut nodes: BTreeSet<u32> = (data.facets.iter())
-                .flat_map(|facet| facet_nodes(facet).to_vec())
-                .collect();
-            for touch in of_pair(touches, *number) {
-                for (node, _) in &touch.place.own {
-                    nodes.remove(node);
-                }
-            }
-            let nodes: Vec<u32> = nodes.into_iter().collect();
+        for (&number, stated) in &self.sliding.stated {
+            let data = &self.pairs[number as usize];
+            let pair = &self.definition.pairs[number as usize];
             let options = PairOptions {
                 search_distance: Some(DEPTH[1] * stated.longest),
                 rest: Some(&self.mesh),
                 ..PairOptions::default()
             };
-            let others = Met::Facets(&data.others);
-            let found = match node_contact(&body, &nodes, &data.facets, others, &options) {
-                // No node is near.
-                Err(ContactError::Apart { .. }) => continue,
-                found => found.map_err(|error| {
-                    let pair = &self.definition.pairs[*number as usize];
-                    pair.entity(*number as usize).error(Fault::Contact(error))
-                })?,
+            // Those of some nodes that are inside where the bodies are as in a mesh.
+            let inside = |mesh: &Mesh<D>, nodes: &[u32]| {
+                let body = Body {
+                    mesh,
+                    ..self.body()
+                };
+                let others = Met::Facets(&data.others);
+                let found = match node_contact(&body, nodes, &data.facets, others, &options) {
+                    // No node is near.
+                    Err(ContactError::Apart { .. }) => Ok(Vec::new()),
+                    found => found
+                        .map_err(|error| pair.entity(number as usize).error(Fault::Contact(error))),
+                };
+                let is_inside = |place: &ContactPlace<D>| place.gap < -DEPTH[0] * stated.longest;
+                found.map(|found| -> Vec<u32> {
+                    let found = found.iter().filter(|place| is_inside(place));
+                    found.filter_map(|place| place.node).collect()
+                })
             };
-            if found
-                .iter()
-                .any(|place| place.gap < -DEPTH[0] * stated.longest)
-            {
+            let mut nodes: BTreeSet<u32> = pair.own_nodes(&self.mesh, data).into_iter().collect();
+            for touch in of_pair(touches, number) {
+                for (node, _) in &touch.place.own {
+                    nodes.remove(node);
+                }
+            }
+            let nodes: Vec<u32> = nodes.into_iter().collect();
+            let now = inside(&moved, &nodes)?;
+            if !now.is_empty() && inside(&self.mesh, &now)?.len() < now.len() {
                 return Ok(true);
             }
         }

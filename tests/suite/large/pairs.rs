@@ -22,7 +22,7 @@ fn pressed(coulomb: f64) -> Pair {
 /// Two blocks that press each other are turned by 90° in three steps: their forces turn with them.
 #[test]
 fn two_blocks_turn_as_one() {
-    for (coulomb, most) in [(0.0, 11), (0.3, 10)] {
+    for (coulomb, most) in [(0.0, 13), (0.3, 13)] {
         let low = rectangle([0.0; 2], [1.0, 0.5], [8, 4], CellShape::Quad, "low", "low-");
         let up = rectangle(
             [0.1, 0.46],
@@ -48,7 +48,7 @@ fn two_blocks_turn_as_one() {
         for (end, factor) in ends.iter().zip(factors) {
             assert_eq!(end.status, Status::Converged);
             assert_eq!(end.parts, 1);
-            assert!(end.iterations <= most + 4, "{}", end.iterations);
+            assert!(end.iterations <= most, "{}", end.iterations);
             assert_eq!(end.nodes, first.nodes);
             for (force, before) in end.forces.iter().zip(&first.forces) {
                 let off = length(minus(*force, turned(*before, 90.0 * factor)));
@@ -59,7 +59,7 @@ fn two_blocks_turn_as_one() {
     }
 }
 
-/// The same in space, about an axis that is none of the mesh's.
+/// The same in space, about an axis oblique to the mesh.
 #[test]
 fn two_blocks_in_space_turn_as_one() {
     let cube = |origin, size, cells, name: &str| {
@@ -96,8 +96,10 @@ fn two_blocks_in_space_turn_as_one() {
     };
     let first = sizes(0);
     let scale = first.iter().copied().fold(0.0, f64::max);
+    assert!(scale > 1e-3, "{scale}");
     for end in 0..3 {
         assert_eq!(ends[end].status, Status::Converged);
+        assert_eq!(ends[end].forces.len(), ends[0].forces.len());
         for (a, b) in sizes(end).iter().zip(&first) {
             assert!((a - b).abs() < 1e-8 * scale, "{a} {b}");
         }
@@ -175,6 +177,8 @@ fn a_block_between_plates_turns_with_them() {
         let ends = solved(model.clone(), 1e-9, stiffness);
         for (end, factor) in ends.iter().zip(factors) {
             assert_eq!(end.status, Status::Converged);
+            assert_eq!(end.forces.len(), ends[0].forces.len());
+            assert!(end.forces.iter().any(|force| length(*force) > 1e-3));
             for (force, before) in end.forces.iter().zip(&ends[0].forces) {
                 let off = length(minus(*force, turned(*before, 40.0 * factor)));
                 assert!(off < 1e-7, "{off:e}");
@@ -231,6 +235,63 @@ fn a_block_slides_on_a_floor_that_tilts() {
     assert!(
         force[0].abs() < 1e-6 && (force[1] - 588.6).abs() < 1e-6,
         "{force:?}"
+    );
+}
+
+/// A block rests on a cylinder by friction alone: it rolls back to the top, as its middle is lower than the cylinder's is wide.
+#[test]
+fn a_block_rests_on_a_cylinder() {
+    let mesh = rectangle([-0.5, 0.0], [1.0, 0.4], [8, 4], CellShape::Quad, "body", "");
+    let round = Obstacle::Sphere {
+        center: [0.05, -1.0],
+        radius: 1.0,
+    };
+    let material = Material {
+        density: 10.0,
+        ..Material::new(1e5, 0.3)
+    };
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(material)
+        .gravity([0.0, -9.81])
+        .contact(Pair::obstacle("bottom", round).coulomb(0.5));
+    let end = solved(model, 1e-8, Stiffness::Cholesky).remove(0);
+    assert_eq!(end.status, Status::Converged);
+    let force = end.force();
+    assert!(
+        (force[1] - 39.24).abs() < 1e-5 && force[0].abs() < 1e-5,
+        "{force:?}"
+    );
+}
+
+/// Nodes one by one against a body: the force of the same blocks as an average over facets.
+#[test]
+fn nodes_press_a_body_one_by_one() {
+    let low = rectangle([0.0; 2], [1.0, 0.5], [8, 4], CellShape::Quad, "low", "low-");
+    let up = rectangle([0.1, 0.5], [0.8, 0.5], [5, 3], CellShape::Quad, "up", "up-");
+    let mut mesh = join(low, up);
+    let below = nodes(&mesh, "up-bottom")
+        .into_iter()
+        .map(|node| node as u32);
+    mesh.node_sets.insert("below".to_owned(), below.collect());
+    let centre = Axis::at([0.5, 0.5]);
+    let force = |pair: Pair| {
+        let model = Model::on(mesh.clone())
+            .large_displacements()
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on("low-bottom").turned(centre, 30.0))
+            .support(Support::on("up-top").turned(centre, 30.0).x(0.02).y(-0.04))
+            .contact(pair.coulomb(0.5));
+        let end = solved(model, 1e-8, Stiffness::Cholesky).remove(0);
+        assert_eq!(end.status, Status::Converged);
+        turned(end.force(), -30.0)
+    };
+    let single = force(Pair::new("below", "low-top").by_nodes());
+    let mean = force(Pair::new("up-bottom", "low-top"));
+    assert!(mean[1] > 0.02, "{mean:?}");
+    assert!(
+        length(minus(single, mean)) < 0.05 * length(mean),
+        "{single:?} {mean:?}"
     );
 }
 
@@ -708,8 +769,11 @@ fn check(seeds: std::ops::Range<u64>) {
             "{stiffness:?}: {counts:?} converged, unstable or not held, without an answer; wrong: {wrong:#?}"
         );
         assert!(wrong.is_empty(), "{wrong:#?}");
-        let [converged, _, without] = counts;
-        assert!(without * 50 <= converged, "{counts:?}");
+        let [converged, ended, without] = counts;
+        assert!(
+            without * 50 <= converged && ended * 5 <= converged,
+            "{counts:?}"
+        );
     }
 }
 
