@@ -68,6 +68,11 @@ fn the_templates() {
                 .into_owned()
         })
         .filter(|name| name.ends_with(".toml") && name != "shear.toml")
+        .filter(|name| {
+            // Several ranks solve small displacements only.
+            let case = std::fs::read_to_string(example(name)).expect("a template");
+            !case.contains("geometry = \"large\"")
+        })
         .collect();
     names.sort();
     assert!(names.len() >= 10, "{names:?}");
