@@ -37,7 +37,8 @@ impl Anderson {
         let all = sizes
             .iter()
             .take_while(|size| **size > NEW * norm(residual));
-        let n = all.count();
+        // Least squares need as many equations.
+        let n = all.count().min(residual.len());
         let mut next = to;
         if n > 0 {
             let matrix = Mat::from_fn(residual.len(), n, |i, j| differences[j][1][i] / sizes[j]);
