@@ -56,10 +56,7 @@ impl<'a> Said<'a> {
     /// Refuses something, unless the user ignores it.
     pub fn refuse(&mut self, line: usize, key: &str, text: impl Into<String>) {
         let key = key.to_uppercase();
-        if self.ignores(&key) {
-            self.passed
-                .entry(format!("{key} (ignored)"))
-                .or_insert(line);
+        if self.passes(line, &key) {
             return;
         }
         self.refusals.push(Refusal {
@@ -67,6 +64,16 @@ impl<'a> Said<'a> {
             key,
             text: text.into(),
         });
+    }
+
+    /// Whether the user ignores it: then it is listed among the skipped keywords.
+    fn passes(&mut self, line: usize, key: &str) -> bool {
+        let is_ignored = self.ignores(key);
+        if is_ignored {
+            let passed = self.passed.entry(format!("{key} (ignored)"));
+            passed.or_insert(line);
+        }
+        is_ignored
     }
 
     /// Whether the user ignores it.
@@ -335,13 +342,9 @@ impl<'a> Said<'a> {
         for (name, value) in &k.options {
             let no = value.eq_ignore_ascii_case("no");
             match name.as_str() {
-                "NLGEOM" if !no => match self.ignores("NLGEOM") {
-                    true => {
-                        let passed = self.passed.entry("NLGEOM (ignored)".to_owned());
-                        passed.or_insert(k.line);
-                    }
-                    false => _ = self.large.get_or_insert(k.line),
-                },
+                "NLGEOM" if !no && !self.passes(k.line, "NLGEOM") => {
+                    self.large.get_or_insert(k.line);
+                }
                 "PERTURBATION" => self.refuse(
                     k.line,
                     "PERTURBATION",

@@ -180,7 +180,8 @@ where
         let (mut kept, mut sliding) = (Vec::new(), Sliding::default());
         match definition.is_large() {
             true => {
-                sliding = definition.sliding(&body, &unknowns, &candidates)?;
+                definition.state_sliding(&body, &mut candidates)?;
+                sliding = candidates.sliding;
                 kept.extend(candidates.places.into_iter().zip(candidates.pair_of));
             }
             false => definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?,

@@ -11,7 +11,7 @@ use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Met, Obstacle, PairOptions, Space, Unmet,
     equal_nodes, mortar_contact, node_contact, obstacle_contact,
 };
-use crate::elasticity::{Body, Unknowns};
+use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
 use rstar::RTree;
@@ -190,6 +190,8 @@ where
     /// The pair of each place.
     pub(super) pair_of: Vec<u32>,
     pub(super) pairs: Vec<PairData<D>>,
+    /// The directions that they were found with; [`Definition::state_sliding`] completes it.
+    pub(super) sliding: Sliding<D>,
 }
 
 /// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse meshes of a
@@ -270,13 +272,12 @@ impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
-    /// Looks for its contact places; `symmetry` has the planes of symmetry of nodes, `held` the directions along which they
-    /// are held. Where displacements are `large`, bodies may meet later.
+    /// Looks for its contact places. Where displacements are `large`, bodies may meet later.
     fn find(
         &self,
         body: &Body<D>,
         units: &Units,
-        [symmetry, held]: [&Directions<D>; 2],
+        sliding: &Sliding<D>,
         large: bool,
     ) -> Result<Found<D>, Fault> {
         let mesh = body.mesh;
@@ -310,22 +311,14 @@ where
             move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
         });
         let mut options = PairOptions {
-            friction: self.law.of_fields(&law),
             gap: (self.gap.is_some() || self.is_tie() || of_arcs.is_some()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
-            stiffness: [
-                self.stiffness.both()[0].is_some().then_some(&normal),
-                self.stiffness.both()[1].is_some().then_some(&tangential),
-            ],
             overlap: self.overlap.is_some(),
             adjust: self.adjust,
             offset: self.offset,
-            edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
-            symmetry: Some(symmetry),
-            held: Some(held),
             search_distance: self.search_distance,
             moves: large && !self.is_tie(),
-            rest: None,
+            ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (mut others, mut unmet) = (Vec::new(), None);
         let mut boundary = self.side().to_string();
@@ -334,7 +327,7 @@ where
                 others = outer_facets(body.mesh, names.all())?;
                 let mut against = names.to_string();
                 // Multipliers belong to a side that can give way.
-                let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, held);
+                let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, &sliding.held);
                 if !self.is_by_nodes() && is_held(&facets) && !is_held(&others) {
                     std::mem::swap(&mut facets, &mut others);
                     std::mem::swap(&mut boundary, &mut against);
@@ -403,6 +396,26 @@ impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
+    /// The options of any search for its places, with its bound or coefficient and its stiffnesses as fields.
+    fn options<'f>(
+        &self,
+        law: Field<'f, D>,
+        [normal, tangential]: [Field<'f, D>; 2],
+        sliding: &'f Sliding<D>,
+    ) -> PairOptions<'f, D> {
+        PairOptions {
+            friction: self.law.of_fields(law),
+            stiffness: [
+                self.stiffness.both()[0].is_some().then_some(normal),
+                self.stiffness.both()[1].is_some().then_some(tangential),
+            ],
+            edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
+            symmetry: Some(&sliding.symmetry),
+            held: Some(&sliding.held),
+            ..PairOptions::default()
+        }
+    }
+
     /// The nodes of its own side.
     pub(super) fn own_nodes(&self, mesh: &Mesh<D>, data: &PairData<D>) -> Vec<u32> {
         match self.is_by_nodes() {
@@ -423,18 +436,10 @@ where
         let [normal, tangential] = (self.stiffness.both())
             .map(|stiffness| move |x| stiffness.map_or(f64::NAN, |k| k.at(x)));
         let options = PairOptions {
-            friction: self.law.of_fields(&law),
-            stiffness: [
-                self.stiffness.both()[0].is_some().then_some(&normal),
-                self.stiffness.both()[1].is_some().then_some(&tangential),
-            ],
-            edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
-            symmetry: Some(&sliding.symmetry),
-            held: Some(&sliding.held),
             search_distance: Some(data.search_distance),
             moves: true,
             rest: Some(rest),
-            ..PairOptions::default()
+            ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (facets, others) = (&data.facets, &data.others);
         let found = match self.is_by_nodes() {
@@ -530,48 +535,48 @@ where
         unknowns: &Unknowns<D>,
     ) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
-        let symmetry = self.symmetry_planes(body.mesh)?;
-        let held = self.held_directions(body.mesh, unknowns)?;
-        let mut all = Candidates {
-            places: Vec::new(),
-            pair_of: Vec::new(),
-            pairs: Vec::new(),
+        let sliding = Sliding {
+            symmetry: self.symmetry_planes(body.mesh)?,
+            held: self.held_directions(body.mesh, unknowns)?,
+            stated: HashMap::new(),
         };
+        let (mut places_of_all, mut pair_of, mut data_of_all) =
+            (Vec::new(), Vec::new(), Vec::new());
         let pairs = self.pairs.iter().chain(&self.ties);
-        let pairs = pairs.map(|pair| pair.find(body, &units, [&symmetry, &held], self.is_large()));
+        let pairs = pairs.map(|pair| pair.find(body, &units, &sliding, self.is_large()));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         for (number, found) in pairs.chain(equals).chain(springs).enumerate() {
             let (mut places, data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
-            let before = all.places.len() as u32;
+            let before = places_of_all.len() as u32;
             places.iter_mut().for_each(|place| place.pool += before);
-            all.pair_of.extend(places.iter().map(|_| number as u32));
-            all.places.extend(places);
-            all.pairs.push(data);
+            pair_of.extend(places.iter().map(|_| number as u32));
+            places_of_all.extend(places);
+            data_of_all.push(data);
         }
-        Ok(all)
+        Ok(Candidates {
+            places: places_of_all,
+            pair_of,
+            pairs: data_of_all,
+            sliding,
+        })
     }
 
-    /// The data that find the places of contacts between two bodies again where these have moved.
-    pub(super) fn sliding(
+    /// Completes the data that find the places of contacts between two bodies again where these have moved.
+    pub(super) fn state_sliding(
         &self,
         body: &Body<D>,
-        unknowns: &Unknowns<D>,
-        found: &Candidates<D>,
-    ) -> Result<Sliding<D>, ModelError> {
-        let mut sliding = Sliding {
-            symmetry: self.symmetry_planes(body.mesh)?,
-            held: self.held_directions(body.mesh, unknowns)?,
-            stated: HashMap::new(),
-        };
+        found: &mut Candidates<D>,
+    ) -> Result<(), ModelError> {
+        let mut all = HashMap::new();
         for (number, (pair, data)) in self.pairs.iter().zip(&found.pairs).enumerate() {
             if !data.slides() {
                 continue;
             }
             let failed = |error| pair.entity(number).error(Fault::Contact(error));
             let drawn = pair
-                .meet_moved(body, data, body.mesh, &sliding)
+                .meet_moved(body, data, body.mesh, &found.sliding)
                 .map_err(failed)?;
             let here = found.pair_of.iter().zip(&found.places);
             let here = here.filter(|(of, _)| **of as usize == number);
@@ -619,9 +624,10 @@ where
                 beyond: of_nodes,
                 depth,
             };
-            sliding.stated.insert(number as u32, stated);
+            all.insert(number as u32, stated);
         }
-        Ok(sliding)
+        found.sliding.stated = all;
+        Ok(())
     }
 
     /// Completes the data of the contacts with their remaining places; `is_met` has those that have had any.
