@@ -230,6 +230,9 @@ pub struct ContactPlace<const D: usize = 2> {
     pub partners: Vec<(u32, f64)>,
     /// Both sides in the row along each direction of the frame, where nodes of its own side are held; otherwise empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
+    /// Further nodes in the row along each direction of the frame, each with the vector that its displacement is multiplied by there:
+    /// of couplings; otherwise empty.
+    pub further: Vec<Vec<(u32, [f64; D])>>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)
     pub frame: [[f64; D]; D],
@@ -256,6 +259,18 @@ impl<const D: usize> ContactPlace<D> {
         }
     }
 
+    /// The nodes in the row along direction `a` of its frame, each with the vector that its displacement is multiplied by.
+    pub fn terms(&self, a: usize) -> impl Iterator<Item = (u32, [f64; D])> {
+        let (way, sides) = (self.frame[a], self.sides(a));
+        let further = self.further.get(a).into_iter().flatten().copied();
+        (sides.into_iter().zip([1.0, -1.0]))
+            .flat_map(move |(side, sign)| {
+                side.iter()
+                    .map(move |&(node, weight)| (node, way.map(|v| sign * weight * v)))
+            })
+            .chain(further)
+    }
+
     /// The mean over its own nodes: of their places, displacements and so on.
     pub fn mean(&self, of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         mean(&self.own, of)
@@ -263,7 +278,10 @@ impl<const D: usize> ContactPlace<D> {
 }
 
 /// A weighted mean over nodes.
-fn mean<const D: usize>(weights: &[(u32, f64)], of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+pub(crate) fn mean<const D: usize>(
+    weights: &[(u32, f64)],
+    of: impl Fn(u32) -> [f64; D],
+) -> [f64; D] {
     let mut sum = [0.0; D];
     for &(node, weight) in weights {
         let value = of(node);
@@ -385,8 +403,8 @@ pub enum ContactError {
     },
     /// Prescribed displacements move the sides of a tie apart.
     #[error(
-        "supports move the sides of the tie at {place} by {apart:.3e} against each other, and leave neither free to \
-         follow: change the prescribed displacements"
+        "supports move the sides of the tie at {place} by {apart:.3e} against each other, or against the motion that a coupling \
+         states, and leave neither free to follow: change the prescribed displacements"
     )]
     DrivenApart {
         /// The place.

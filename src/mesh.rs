@@ -7,6 +7,7 @@
 pub(crate) mod abaqus;
 mod boundary;
 mod copies;
+mod cut;
 mod element;
 mod file;
 pub(crate) mod foot;
@@ -24,6 +25,7 @@ pub(crate) mod vector;
 #[cfg(feature = "files")]
 mod vtu;
 
+pub(crate) use cut::{Between, Cut};
 #[cfg(feature = "plots")]
 pub(crate) use element::edge_parts;
 pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};

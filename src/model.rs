@@ -38,6 +38,8 @@ mod axis;
 mod build;
 mod changes;
 mod contacts;
+mod coupling;
+mod driven;
 mod elastic;
 mod entities;
 mod error;
@@ -46,6 +48,7 @@ mod loads;
 mod motion;
 mod nodal;
 mod pair;
+mod preload;
 mod quantity;
 mod revolution;
 #[cfg(feature = "mpi")]
@@ -64,6 +67,8 @@ pub use build::Draft;
 pub use build::{AnyBuilt, Built};
 pub use changes::Changes;
 pub use contacts::PairData;
+pub use coupling::Coupling;
+pub use driven::{Drive, Driven};
 pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
 pub use error::{Entity, EntityKind, Fault, ModelError};
@@ -71,6 +76,7 @@ pub(crate) use large::{Configuration, Deformation, Help, Moment};
 pub use loads::{StepData, TemperatureField};
 pub use motion::Motion;
 pub use pair::Pair;
+pub use preload::Preload;
 pub use quantity::Quantity;
 pub use spring::Spring;
 pub use units::Units;
@@ -131,6 +137,13 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) equals: Vec<Equal<D>>,
     #[serde(default, rename = "spring")]
     pub(crate) springs: Vec<Spring<D>>,
+    #[serde(default, rename = "preload")]
+    pub(crate) preloads: Vec<Preload<D>>,
+    #[serde(default, rename = "coupling")]
+    pub(crate) couplings: Vec<Coupling<D>>,
+    /// Of preloads, once the mesh is cut.
+    #[serde(skip)]
+    sections: Vec<preload::Section<D>>,
     /// None: one step with the factor 1.
     pub(crate) steps: Option<Steps>,
 }
@@ -318,6 +331,18 @@ where
         self
     }
 
+    /// Adds the preload of a bolt, which cuts the mesh.
+    pub fn preload(mut self, preload: Preload<D>) -> Self {
+        self.definition.preloads.push(preload);
+        self
+    }
+
+    /// Adds nodes that move with a point.
+    pub fn coupling(mut self, coupling: Coupling<D>) -> Self {
+        self.definition.couplings.push(coupling);
+        self
+    }
+
     /// Load steps in order: the factors of loads, gravity and prescribed displacements in each, where they have no
     /// factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
@@ -340,24 +365,33 @@ where
     }
 }
 
+/// Parts of a kind with their numbers.
+fn numbered<P: Part>(all: &[P]) -> impl Iterator<Item = (usize, &dyn Part)> {
+    let parts = all.iter().map(|part| -> &dyn Part { part });
+    parts.enumerate()
+}
+
 impl<const D: usize> Definition<D> {
     /// All parts of which there may be several, kind by kind, each with its number among those of its kind. A new kind is added
     /// here, and nowhere else in this room.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
-        fn of<P: Part>(all: &[P]) -> impl Iterator<Item = (usize, &dyn Part)> {
-            let parts = all.iter().map(|part| -> &dyn Part { part });
-            parts.enumerate()
-        }
-        (of(&self.materials).chain(of(&self.supports)))
-            .chain(of(&self.foundations))
-            .chain(of(&self.tractions))
-            .chain(of(&self.body_forces))
-            .chain(of(&self.forces))
-            .chain(of(&self.temperatures))
-            .chain(of(&self.pairs))
-            .chain(of(&self.ties))
-            .chain(of(&self.equals))
-            .chain(of(&self.springs))
+        (numbered(&self.materials).chain(numbered(&self.supports)))
+            .chain(numbered(&self.foundations))
+            .chain(numbered(&self.tractions))
+            .chain(numbered(&self.body_forces))
+            .chain(numbered(&self.forces))
+            .chain(numbered(&self.temperatures))
+            .chain(self.connections())
+    }
+
+    /// Those that have rows of contact, in the order of these.
+    fn connections(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
+        numbered(&self.pairs)
+            .chain(numbered(&self.ties))
+            .chain(numbered(&self.equals))
+            .chain(numbered(&self.springs))
+            .chain(numbered(&self.preloads))
+            .chain(numbered(&self.couplings))
     }
 
     /// The behaviour perpendicular to the plane.

@@ -268,6 +268,49 @@ class Model:
         where = {"boundary": boundary, "nodes": nodes, "point": point, "to": to}
         return self.add("spring", **where, stiffness=stiffness, direction=direction, **more)
 
+    def preload(
+        self,
+        boundary: Names | None = None,
+        *,
+        plane: Mapping[str, Sequence[float]] | None = None,
+        region: Names | None = None,
+        force: float | None = None,
+        shortening: float | None = None,
+        factors: Sequence[float] | None = None,
+        lock: bool | None = None,
+        **more: Any,
+    ) -> Model:
+        """Tighten a bolt by a `force` in N or a `shortening` in m, at a surface within it or near a plane
+        (``plane={"point": [0, 30], "normal": [0, 1]}``) through a `region`. With `lock` it stays as short as the largest force makes it."""
+        entries: dict[str, Any] = {"plane": plane, "region": region, "force": force, "shortening": shortening}
+        return self.add("preload", boundary=boundary, **entries, factors=factors, lock=lock, **more)
+
+    def coupling(
+        self,
+        boundary: Names | None = None,
+        *,
+        point: Sequence[float],
+        nodes: Names | None = None,
+        kind: str | None = None,
+        free: Names | None = None,
+        x: float | None = None,
+        y: float | None = None,
+        z: float | None = None,
+        rx: float | None = None,
+        ry: float | None = None,
+        rz: float | None = None,
+        force: Sequence[float] | None = None,
+        moment: float | Sequence[float] | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Make the nodes of boundaries, or of sets of `nodes`, move with a `point`: as a rigid body, except along the axes in `free`, or freely,
+        on average (`kind` "distributing"). Displacements of the point in m, rotations in rad, a `force` in N and a `moment` in N m; omitted
+        motions are free."""
+        where = {"boundary": boundary, "nodes": nodes, "point": point, "kind": kind, "free": free}
+        motions = {"x": x, "y": y, "z": z, "rx": rx, "ry": ry, "rz": rz}
+        return self.add("coupling", **where, **motions, force=force, moment=moment, factors=factors, **more)
+
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: the factor of loads and prescribed displacements in each, in order."""
         return self._say("steps", factors=factors)

@@ -108,6 +108,10 @@ class Contact:
         The work that friction has dissipated in the load step, in J.
     area : float
         In contact, in m².
+    tension, shortening : float or None
+        Of a preload: the force in its section, in N, and by how much the ends overlap there, in m.
+    motion : ndarray or None
+        Of a coupling: the displacement of its point in m, then its rotation in rad; NaN where the nodes do not determine it.
     """
 
     name: str
@@ -132,6 +136,9 @@ class Contact:
     tangential_force: float
     slipping_work: float
     area: float
+    tension: float | None = None
+    shortening: float | None = None
+    motion: Floats | None = None
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{np.sum(self.state == state)} {state}" for state in np.unique(self.state))
@@ -577,6 +584,9 @@ class Solution:
             known |= {key: one[key] for key in ("boundary", "against", "friction")}
             known |= {key: np.array(one[key]) for key in ("force", "moment", "centre")}
             known |= {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
+            known |= {key: one[key] for key in ("tension", "shortening") if key in one}
+            if "motion" in one:
+                known["motion"] = np.array([_nan(value) for value in one["motion"]])
             contacts[name] = Contact(name=name, **known)
         return contacts, at_nodes
 

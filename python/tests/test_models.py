@@ -183,6 +183,53 @@ def test_names_ties_and_forces() -> None:
     assert np.unique(found[0].contacts["high-bottom"].state).tolist() == ["tied"]
 
 
+def test_preload() -> None:
+    """A bar between walls: its ends overlap by F l/(E A), and a wall that gives way by δ adds E A δ/l to the tension once it is locked."""
+    mesh = signorini.rectangle([4, 1], [5, 2])
+    force, give, stiffness = 3e5, 1e-4, 2e9 / 4
+
+    def solved(**keywords: Any) -> list[signorini.LoadStep]:
+        model = signorini.Model(mesh).material(young=2e9, poisson=0).support("left", x=0, y=0).support("right", x=give, factors=[0, 1])
+        model.preload(plane={"point": [1.7, 0.5], "normal": [2, 0]}, name="bolt", **keywords)
+        return model.steps([1, 1]).solve(tolerance=1e-9).steps
+
+    cases: list[tuple[dict[str, Any], list[float]]] = [
+        ({"force": force, "lock": True}, [force, force + stiffness * give]),
+        ({"force": force, "region": "body"}, [force, force]),
+        ({"shortening": force / stiffness, "factors": [1, 2]}, [force, 2 * force + stiffness * give]),
+    ]
+    for keywords, tensions in cases:
+        steps = solved(**keywords)
+        for step, tension, wall in zip(steps, tensions, (0.0, give)):
+            (bolt,) = step.report["contacts"]
+            np.testing.assert_allclose([bolt["tension"], bolt["shortening"]], [tension, tension / stiffness - wall], rtol=1e-8)
+            np.testing.assert_allclose(step.contacts["bolt"].force, [tension, 0], atol=1e-8 * tension)
+            np.testing.assert_allclose(step.stress[:, 0], tension, rtol=1e-8)
+        # The three nodes of the section are there twice.
+        assert len(steps[0].u) == len(mesh.points) + 3
+
+
+@pytest.mark.parametrize("kind", ["rigid", "distributing"])
+def test_coupling(kind: str) -> None:
+    """A moment M bends a beam to an arc: its end turns by θ = M l/(E I) and goes up by θ l/2. A stated θ needs that moment."""
+    mesh = signorini.rectangle([8, 1], [6, 2], order=2)
+    moment = 1e4
+    turn = moment * 8 / (2e9 * 0.5 / 12)
+    for keywords in ({"moment": moment}, {"rz": turn}):
+        model = signorini.Model(mesh).material(young=2e9, poisson=0).analysis(thickness=0.5)
+        model.support("left", x=0).support(point=[0, 0.5], y=0)
+        solution = model.coupling("right", point=[8, 0.5], kind=kind, name="end", **keywords).solve(tolerance=1e-9)
+        (end,) = solution.last.report["contacts"]
+        np.testing.assert_allclose(end["motion"], [0, 4 * turn, turn], atol=1e-8 * turn)
+        np.testing.assert_allclose(solution.contacts["end"].moment, [moment], rtol=1e-8)
+        np.testing.assert_allclose(solution.supports[0].moment, [-moment], rtol=1e-8)
+        np.testing.assert_allclose(solution.u[mesh.boundaries["right"], 1], 4 * turn, rtol=1e-8)
+    # Nodes do not follow along y: the coupling does not determine that motion.
+    model = signorini.Model(mesh).material(young=2e9, poisson=0).support("left", x=0, y=0)
+    solution = model.coupling("right", point=[8, 0.5], free="y", force=[1e4, 0]).solve(tolerance=1e-9)
+    assert solution.last.report["contacts"][0]["motion"][1] is None
+
+
 def test_load_steps() -> None:
     model = block(friction={"coulomb": 0.3}).traction("top", pressure=2e7).support("right", x=1e-4, factors=[0, 1, -1])
     solution = model.steps([1, 1, 1]).solve()
@@ -301,6 +348,14 @@ WRONG_TABLES = [
     ("contact", {"boundary": "bottom", "obstacle": {"sphere": {"center": [0, 0, 0], "radius": 1}}}, "not an obstacle in the plane"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": {"coulomb": 0.3, "tresca": 1.0}}, "contact, friction"),
     ("contact", {"boundary": "bottom", "obstacle": FLOOR, "friction": 0.3}, "a friction law is written as"),
+    ("preload", {"boundary": "left", "force": 1.0, "shortening": 1.0}, "needs one of force and shortening"),
+    ("preload", {"force": 1.0}, "a preload needs a section"),
+    ("preload", {"boundary": "left", "shortening": 1.0, "lock": True}, "lock belongs to a force"),
+    ("coupling", {"boundary": "left"}, "coupling: missing field `point`"),
+    ("coupling", {"point": [3, 0.5]}, "a coupling needs one of boundary and nodes"),
+    ("coupling", {"boundary": "left", "point": [3, 0.5], "rx": 0.1}, "z, rx and ry have no meaning here"),
+    ("coupling", {"boundary": "left", "point": [3, 0.5], "moment": [1.0, 2.0]}, "in the plane a moment is one number"),
+    ("coupling", {"boundary": "left", "point": [3, 0.5], "kind": "soft"}, "expected `rigid` or `distributing`"),
     ("wheel", {"radius": 1}, "wheel: unknown field"),
 ]
 

@@ -12,7 +12,7 @@ use signorini::engine::factor_bytes;
 use signorini::mesh::{ElementKind, FaultKind, Mesh, Topology};
 #[cfg(feature = "mpi")]
 use signorini::model::Draft;
-use signorini::model::{Analysis, AnyAnalysis, Elastic, PairData, Units};
+use signorini::model::{Analysis, AnyAnalysis, Elastic, EntityKind, PairData, Units};
 #[cfg(feature = "mpi")]
 use signorini::mpi::{Foreseen, MpiError};
 #[cfg(feature = "mpi")]
@@ -323,7 +323,7 @@ where
     ElementKind: Topology<D>,
 {
     let units = case.units();
-    if pair.is_equal() {
+    if pair.kind == EntityKind::Equal {
         let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" of "));
         lines.push(format!(
             "equal         {name}\"{}\": {} nodes move alike with another node, {}",
@@ -331,10 +331,21 @@ where
         ));
         return;
     }
-    if let (true, Some(stiffness)) = (pair.is_spring(), &pair.stiffness) {
-        let name = (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" from "));
+    if pair.is_of_nodes() {
+        let (word, between) = match pair.kind {
+            EntityKind::Coupling => ("coupling", "with"),
+            EntityKind::Preload => ("preload", "with"),
+            _ => ("spring", "to"),
+        };
+        let name = (pair.name.as_ref()).map_or(String::new(), |name| match pair.kind {
+            EntityKind::Spring => format!("\"{name}\" from "),
+            _ => format!("\"{name}\" of "),
+        });
+        let stiffness = (pair.stiffness.as_ref()).map_or(String::new(), |stiffness| {
+            format!("stiffness {stiffness}, ")
+        });
         lines.push(format!(
-            "spring        {name}{} to {}: stiffness {stiffness}, {}",
+            "{word:<14}{name}{} {between} {}: {stiffness}{}",
             pair.boundary,
             pair.against,
             pair.friction.trim_start_matches("spring ")

@@ -41,6 +41,7 @@ where
                 own: vec![(node, 1.0)],
                 partners: vec![(first, 1.0)],
                 directed: Vec::new(),
+                further: Vec::new(),
                 frame,
                 gap: 0.0,
                 area: if area > 0.0 { area } else { 1.0 },

@@ -147,6 +147,7 @@ where
             own: vec![(node, 1.0)],
             partners,
             directed: Vec::new(),
+            further: Vec::new(),
             frame: frame(normal),
             gap,
             area,

@@ -252,6 +252,7 @@ where
                 own: transformed.own(node),
                 partners: Vec::new(),
                 directed: Vec::new(),
+                further: Vec::new(),
                 frame: frame(normal),
                 gap: felt(node, &gap_of),
                 area: area[i],

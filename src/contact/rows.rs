@@ -42,8 +42,8 @@ pub struct ContactRows<const D: usize = 2> {
     held: [Vec<Vec<Held>>; 2],
     /// Candidates whose normal motion is entirely prescribed: their place, gap, and that motion.
     fixed: Vec<(Location, f64, Vec<Held>)>,
-    /// Tied places with an entirely prescribed relative motion of both sides, and that motion.
-    fixed_ties: Vec<(Location, Vec<Held>)>,
+    /// Rows of tied places with an entirely prescribed relative motion of both sides: the row of N or T, the place, and that motion.
+    fixed_ties: Vec<([usize; 2], Location, Vec<Held>)>,
     /// In space: nodes with friction along one tangent only, the motion that supports prescribe along the other, and its
     /// tolerance.
     along_one: Vec<(Location, Vec<Held>, f64)>,
@@ -75,7 +75,7 @@ where
     // The motions that supports prescribe along the tangents of nodes that cannot slide there.
     let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
-        let (entries, motion) = row(unknowns, candidate.sides(0), candidate.frame[0]);
+        let (entries, motion) = row(unknowns, candidate.terms(0));
         // On an obstacle a place moves with its node; its other nodes, if any, only weight the prescribed part.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
         let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
@@ -84,19 +84,21 @@ where
             fixed.push((candidate.place.into(), candidate.gap, motion));
             continue;
         }
-        let mut tie = |entries: &[Entry], motion: &[Held]| {
+        let row_number = rows[0].len();
+        let mut tie = |along: usize, entries: &[Entry], motion: &[Held]| {
             let gives_way = candidate.compliance[0] > 0.0;
             if is_tied && entries.is_empty() && !gives_way {
-                fixed_ties.push((candidate.place.into(), motion.to_vec()));
+                let place = candidate.place.into();
+                fixed_ties.push(([row_number, along], place, motion.to_vec()));
             }
         };
-        tie(&entries, &motion);
+        tie(0, &entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
         let place = turned(candidate, unknowns);
         for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
-            let (entries, motion) = row(unknowns, place.sides(a), tangent);
-            tie(&entries, &motion);
+            let (entries, motion) = row(unknowns, place.terms(a));
+            tie(a, &entries, &motion);
             // A tie also follows the deformation of neighbours.
             let is_kept =
                 !is_tied && !entries.is_empty() && kept_along(body.mesh, unknowns, &place, tangent);
@@ -172,7 +174,8 @@ fn make_independent<const D: usize>(
     places: &[ContactPlace<D>],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
-    let on_obstacles = |place: &&ContactPlace<D>| place.partners.is_empty();
+    let on_obstacles =
+        |place: &&ContactPlace<D>| place.partners.is_empty() && place.slip_bound != SlipBound::Tied;
     let mut times: HashMap<u32, usize> = HashMap::new();
     for place in places.iter().filter(on_obstacles) {
         *times.entry(place.own[0].0).or_default() += 1;
@@ -247,6 +250,10 @@ where
 /// supports hold all of its nodes: the direction left to slide along.
 fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> ContactPlace<D> {
     let mut place = place.clone();
+    // Its further nodes have vectors for the directions as they are.
+    if !place.further.is_empty() {
+        return place;
+    }
     // The directions in which a node is held.
     let held = |node: u32| -> Vec<[f64; D]> {
         let axis = |c: usize| std::array::from_fn(|i| f64::from(u8::from(i == c)));
@@ -274,40 +281,36 @@ fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> Co
     place
 }
 
-/// The relative motion of the sides of a contact place along v: v at its own nodes, −v at their partners, with their weights;
-/// its unknown part and its prescribed part.
+/// The unknown part and the prescribed part of a row, from its nodes with their vectors.
 fn row<const D: usize>(
     unknowns: &Unknowns<D>,
-    [own, partners]: [&[(u32, f64)]; 2],
-    v: [f64; D],
+    terms: impl Iterator<Item = (u32, [f64; D])>,
 ) -> (Vec<Entry>, Vec<Held>) {
     let (mut entries, mut held) = (Vec::new(), Vec::new());
-    let partners = partners.iter().map(|&(node, w)| (node, -w));
-    for (node, factor) in own.iter().copied().chain(partners) {
+    for (node, v) in terms {
         if let Some(frame) = unknowns.frame(node) {
             // The prescribed part along a node's own directions is removed; the unknowns are along the axes.
             for (c, value) in unknowns.prescribed(node).iter().enumerate() {
-                let part = factor * dot(frame[c], v);
+                let part = dot(frame[c], v);
                 if value.is_some() && part.abs() >= 1e-14 {
                     held.push((node, c, part));
                 }
             }
             if let Some(block) = unknowns.block(node) {
-                let left = unknowns.free_part(node, v).map(|part| factor * part);
+                let left = unknowns.free_part(node, v);
                 let some = (0..D).filter(|&c| left[c].abs() >= 1e-14);
                 entries.extend(some.map(|c| (D * block as usize + c, left[c])));
             }
             continue;
         }
         for c in 0..D {
-            let value = factor * v[c];
             // The cosine of a right angle is only rounding.
-            if v[c].abs() < 1e-14 || value == 0.0 {
+            if v[c].abs() < 1e-14 {
                 continue;
             }
             match (unknowns.prescribed(node)[c], unknowns.block(node)) {
-                (None, Some(block)) => entries.push((D * block as usize + c, value)),
-                _ => held.push((node, c, value)),
+                (None, Some(block)) => entries.push((D * block as usize + c, v[c])),
+                _ => held.push((node, c, v[c])),
             }
         }
     }
@@ -434,6 +437,15 @@ impl<const D: usize> ContactRows<D> {
     /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide,
     /// [`ContactError::DrivenApart`] if they move the sides of a tie against each other.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
+        self.check_stated(unknowns, |_| Some(0.0))
+    }
+
+    /// The same where the motion of a row of N is the one stated for it, or is free.
+    pub(crate) fn check_stated(
+        &self,
+        unknowns: &Unknowns<D>,
+        stated: impl Fn(usize) -> Option<f64>,
+    ) -> Result<(), ContactError> {
         for (place, gap, held) in &self.fixed {
             let moved = motion(held, unknowns);
             let depth = moved - gap;
@@ -442,10 +454,15 @@ impl<const D: usize> ContactRows<D> {
                 return Err(ContactError::Driven { place, depth });
             }
         }
-        for (place, held) in &self.fixed_ties {
+        for ([row, along], place, held) in &self.fixed_ties {
+            let wanted = match along {
+                0 => stated(*row),
+                _ => Some(0.0),
+            };
+            let Some(wanted) = wanted else { continue };
             let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
-            let apart = motion(held, unknowns).abs();
-            if apart > 1e-9 * terms.fold(0.0, f64::max) {
+            let apart = (motion(held, unknowns) - wanted).abs();
+            if apart > 1e-9 * terms.fold(wanted.abs(), f64::max) {
                 let place = place.clone();
                 return Err(ContactError::DrivenApart { place, apart });
             }

@@ -2,6 +2,7 @@
 
 mod keywords;
 mod loads;
+mod points;
 
 use super::said::{
     Adjust, Amplitude, Clearance, Equation, FrictionChange, Interaction, MaterialCard, PairCard,
@@ -205,6 +206,11 @@ impl<'a> Said<'a> {
             "TIE" => self.ties(card)?,
             "EQUATION" => self.equations(card)?,
             "SPRING" => self.spring(card)?,
+            "COUPLING" => self.coupling(card)?,
+            "KINEMATIC" | "DISTRIBUTING" => self.couple(card)?,
+            "KINEMATIC COUPLING" => self.kinematic(card)?,
+            "RIGID BODY" => self.rigid_body(card)?,
+            "PRE-TENSION SECTION" => self.pretension(card)?,
             "CLEARANCE" => {
                 let option = |name| {
                     k.option(name)

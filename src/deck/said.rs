@@ -84,12 +84,17 @@ pub(super) enum Kind {
 pub(super) enum What<'a> {
     /// All earlier ones of the kind are removed.
     Clear(Kind),
-    /// Components from 0.
+    /// Components from 0; those of rotations are 3 to 5.
     Boundary {
         target: &'a str,
         components: Vec<usize>,
         value: f64,
     },
+    /// From a step on, displacements stay what they are at its beginning.
+    Fixed {
+        target: &'a str,
+    },
+    /// Components from 0; those of rotations are 3 to 5.
     Force {
         target: &'a str,
         component: usize,
@@ -213,6 +218,31 @@ pub(super) struct SpringCard<'a> {
     pub stiffness: f64,
 }
 
+/// `*COUPLING`, `*KINEMATIC COUPLING` or `*RIGID BODY`: nodes that move with a reference node.
+pub(super) struct CouplingCard<'a> {
+    pub line: usize,
+    /// The keyword.
+    pub keyword: &'static str,
+    pub name: Option<&'a str>,
+    pub reference: &'a str,
+    /// The node whose displacements are the rotations, if it is another one.
+    pub rotation: Option<&'a str>,
+    pub surface: Option<&'a str>,
+    /// Nodes, or sets of them.
+    pub nodes: Vec<&'a str>,
+    pub distributing: bool,
+    /// The directions that are coupled.
+    pub bound: [bool; 3],
+}
+
+/// `*PRE-TENSION SECTION`.
+pub(super) struct PretensionCard<'a> {
+    pub line: usize,
+    pub surface: &'a str,
+    pub reference: &'a str,
+    pub normal: Option<[f64; 3]>,
+}
+
 /// An equation that makes two displacements equal.
 pub(super) struct Equation<'a> {
     pub line: usize,
@@ -252,6 +282,8 @@ pub(super) struct Said<'a> {
     pub transforms: Vec<Transform<'a>>,
     pub equations: Vec<Equation<'a>>,
     pub springs: Vec<SpringCard<'a>>,
+    pub couplings: Vec<CouplingCard<'a>>,
+    pub pretensions: Vec<PretensionCard<'a>>,
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,

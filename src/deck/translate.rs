@@ -3,6 +3,7 @@
 mod contacts;
 mod loads;
 mod nodes;
+mod points;
 mod springs;
 
 use super::AnyDefinition;
@@ -100,6 +101,8 @@ struct Translation<'a, 'i, const D: usize> {
     /// Displacements that are equal, by direction and node, as numbers of `equal`.
     equal_of: BTreeMap<(usize, u32), usize>,
     equal: Vec<Alike>,
+    /// Reference nodes, each with the component of its constraint that its first direction is.
+    points: BTreeMap<u32, usize>,
     /// Numbers of the sets that are made here, by their names.
     made: BTreeMap<&'static str, usize>,
 }
@@ -137,16 +140,19 @@ fn translated<const D: usize>(
         regions: Vec::new(),
         equal_of: BTreeMap::new(),
         equal: Vec::new(),
+        points: BTreeMap::new(),
         made: BTreeMap::new(),
         index,
     };
     translation.whole();
     translation.materials()?;
     translation.equations()?;
+    translation.find_points()?;
     translation.nodes(Kind::Boundary)?;
     translation.distributed()?;
     translation.nodes(Kind::Force)?;
     translation.put_equal();
+    translation.put_points()?;
     translation.springs()?;
     translation.temperatures()?;
     translation.contacts()?;

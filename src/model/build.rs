@@ -7,6 +7,7 @@ use super::entities::Part as _;
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::large::LooseBody;
 use super::loads::{StepData, acting, end_of, region};
+use super::preload::Section;
 use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
@@ -148,7 +149,13 @@ where
         } = self;
         definition.check()?;
         definition.hold_axis(&mut mesh)?;
+        // Values at nodes belong to the mesh as it was.
         definition.place_values(&mesh)?;
+        let mut cuts = Vec::new();
+        for (number, preload) in definition.preloads.iter().enumerate() {
+            let cut = preload.cut(&mut mesh);
+            cuts.push(cut.map_err(|fault| preload.entity(number).error(fault))?);
+        }
         let materials = definition.materials(&mesh)?;
         match definition.is_large() {
             true => definition.check_large(&materials)?,
@@ -160,6 +167,7 @@ where
             plane: definition.plane(),
             thickness: definition.thickness(),
         };
+        definition.sections = (cuts.into_iter().map(|cut| Section::new(&body, cut))).collect();
         let prescriptions = definition.prescriptions(&body)?;
         let unknowns = definition.unknowns(&mesh, &prescriptions, end_of(0))?;
         if unknowns.n_free() == 0 {
@@ -184,7 +192,10 @@ where
                 sliding = candidates.sliding;
                 kept.extend(candidates.places.into_iter().zip(candidates.pair_of));
             }
-            false => definition.foresee(&mesh, &prescriptions, &unknowns, &contact)?,
+            false => {
+                let of = (&candidates.pairs[..], &pair_of[..]);
+                definition.foresee(&mesh, &prescriptions, &unknowns, &contact, of)?;
+            }
         }
         definition.count_places(&mesh, &contact, &pair_of, &is_met, &mut candidates.pairs)?;
 

@@ -5,7 +5,7 @@
 use super::loads::end_of;
 use super::pair::Pair;
 use super::supports::Prescriptions;
-use super::{Definition, ModelError};
+use super::{Definition, Driven, ModelError};
 use crate::contact::{ContactRows, Space};
 use crate::mesh::{ElementKind, Mesh};
 use serde::{Deserialize, Serialize};
@@ -41,12 +41,13 @@ where
         &self,
         mesh: &Mesh<D>,
         prescriptions: &Prescriptions<D>,
-        contact: &ContactRows<D>,
-        pair_of: &[u32],
+        (contact, pair_of): (&ContactRows<D>, &[u32]),
+        driven: &[Driven],
         step: usize,
     ) -> Result<Option<Changes>, ModelError> {
         let pairs: Vec<&Pair<D>> = self.pairs.iter().chain(&self.ties).collect();
-        if !pairs.iter().any(|pair| pair.has_steps()) {
+        let is_free = |driven: &Driven| driven.motion.is_none();
+        if !pairs.iter().any(|pair| pair.has_steps()) && !driven.iter().any(is_free) {
             return Ok(None);
         }
         let mut made = Changes {
@@ -56,35 +57,40 @@ where
             bonded: Vec::new(),
         };
         let is_late = |pair: &Pair<D>| pair.is_tie() && (0..step).any(|before| !pair.acts(before));
-        // What supports have moved the sides by since the step before.
-        let mut moved: Option<Vec<f64>> = None;
+        let mut free = driven.iter().filter(|driven| is_free(driven)).peekable();
+        let (mut idle, mut late) = (Vec::new(), Vec::new());
         for (row, &number) in pair_of.iter().enumerate() {
+            if let Some(driven) = free.next_if(|driven| driven.row == row) {
+                if driven.locked { &mut late } else { &mut idle }.push(row);
+                continue;
+            }
             // Nodes that move alike and springs are always the same.
             let Some(pair) = pairs.get(number as usize) else {
                 continue;
             };
             let factor = pair.friction_factor(step);
             if !pair.acts(step) {
-                made.idle.push(row);
-                (made.slip_bound[row], made.coefficient[row]) = (0.0, 0.0);
+                idle.push(row);
             } else if !pair.is_tie() {
                 made.slip_bound[row] *= factor;
                 made.coefficient[row] *= factor;
             } else if is_late(pair) {
-                let moved = match &mut moved {
-                    Some(moved) => moved,
-                    none => {
-                        let at = |step| {
-                            let unknowns = self.unknowns(mesh, prescriptions, end_of(step))?;
-                            Ok(contact.held_motion(&unknowns).0)
-                        };
-                        let (now, before): (Vec<f64>, Vec<f64>) = (at(step)?, at(step - 1)?);
-                        let since = now.iter().zip(before).map(|(now, before)| now - before);
-                        none.insert(since.collect())
-                    }
-                };
-                made.bonded.push((row, moved[row]));
+                late.push(row);
             }
+        }
+        for &row in &idle {
+            (made.slip_bound[row], made.coefficient[row]) = (0.0, 0.0);
+        }
+        made.idle = idle;
+        if !late.is_empty() {
+            // What supports have moved the sides by since the step before.
+            let at = |step| {
+                let unknowns = self.unknowns(mesh, prescriptions, end_of(step))?;
+                Ok(contact.held_motion(&unknowns).0)
+            };
+            let (now, before): (Vec<f64>, Vec<f64>) = (at(step)?, at(step - 1)?);
+            let bonded = late.iter().map(|&row| (row, now[row] - before[row]));
+            made.bonded = bonded.collect();
         }
         Ok(Some(made))
     }

@@ -6,7 +6,7 @@ use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{end_of, outer_facets};
 use super::pair::{Against, Law};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
-use super::{Definition, Equal, Pair, Units};
+use super::{Definition, Drive, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Met, Obstacle, PairOptions, Space, Unmet,
     equal_nodes, mortar_contact, node_contact, obstacle_contact,
@@ -24,6 +24,8 @@ pub struct PairData<const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
+    /// Its kind: a contact, a tie, or what else has rows of this form.
+    pub kind: EntityKind,
     /// Its own name, if any.
     pub name: Option<String>,
     /// The boundary that carries the multipliers; several in one text.
@@ -42,6 +44,8 @@ where
     pub tresca: bool,
     /// Whether it is a tie, nodes that move alike, or a spring.
     pub tied: bool,
+    /// The motions that its first places measure, one each: of preloads and couplings.
+    pub drives: Vec<Drive>,
     /// The stiffness of the contact itself, or of a spring; None where it is hard.
     pub stiffness: Option<String>,
     /// The largest distance of candidates for contact; with an obstacle, the distance up to which Tresca's bound acts.
@@ -71,12 +75,15 @@ where
 {
     /// The names of these sides, before anything else is known.
     pub(super) fn between(
+        kind: EntityKind,
         name: &Option<String>,
         boundary: String,
         against: String,
         friction: String,
     ) -> Self {
         Self {
+            kind,
+            drives: Vec::new(),
             name: name.clone(),
             boundary,
             facets: Vec::new(),
@@ -99,9 +106,9 @@ where
         }
     }
 
-    /// Whether it ties single nodes, and has no sides: nodes that move alike, or a spring.
+    /// Whether it ties single nodes, and has no sides.
     pub fn is_of_nodes(&self) -> bool {
-        self.tied && self.others.is_empty()
+        !matches!(self.kind, EntityKind::Contact | EntityKind::Tie)
     }
 
     /// Whether two bodies meet that are not tied.
@@ -109,21 +116,11 @@ where
         !self.tied && self.obstacle.is_none()
     }
 
-    /// Whether it is nodes that move alike.
-    pub fn is_equal(&self) -> bool {
-        self.is_of_nodes() && self.stiffness.is_none()
-    }
-
-    /// Whether it is a spring.
-    pub fn is_spring(&self) -> bool {
-        self.is_of_nodes() && self.stiffness.is_some()
-    }
-
     /// Its name in results: its own or, without one, both sides.
     pub fn title(&self) -> String {
         match &self.name {
             Some(name) => name.clone(),
-            None if self.is_equal() => self.boundary.clone(),
+            None if self.kind == EntityKind::Equal => self.boundary.clone(),
             None => format!("{} / {}", self.boundary, self.against),
         }
     }
@@ -360,6 +357,10 @@ where
                 (found, name, distance)
             }
         };
+        let kind = match self.is_tie() {
+            true => EntityKind::Tie,
+            false => EntityKind::Contact,
+        };
         let data = PairData {
             facets,
             others,
@@ -373,7 +374,7 @@ where
             search_distance,
             unmet,
             sagitta: off,
-            ..PairData::between(&self.name, boundary, against, self.friction(units))
+            ..PairData::between(kind, &self.name, boundary, against, self.friction(units))
         };
         let found = match found {
             Err(ContactError::Apart { .. }) if large && data.slides() => Ok(Vec::new()),
@@ -488,7 +489,13 @@ where
         let law = format!("equal along {}", self.directions());
         let data = PairData {
             tied: true,
-            ..PairData::between(&self.name, self.title(), "each other".to_owned(), law)
+            ..PairData::between(
+                EntityKind::Equal,
+                &self.name,
+                self.title(),
+                "each other".to_owned(),
+                law,
+            )
         };
         Ok((equal_nodes(body, &sets, self.bound), data))
     }
@@ -546,7 +553,11 @@ where
         let pairs = pairs.map(|pair| pair.find(body, &units, &sliding, self.is_large()));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
-        for (number, found) in pairs.chain(equals).chain(springs).enumerate() {
+        let preloads = self.preloads.iter().zip(&self.sections);
+        let preloads = preloads.map(|(one, section)| Ok(one.find(body.mesh, section, &units)));
+        let couplings = (self.couplings.iter()).map(|coupling| coupling.find(body, &units));
+        let found = pairs.chain(equals).chain(springs);
+        for (number, found) in found.chain(preloads).chain(couplings).enumerate() {
             let (mut places, data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
             let before = places_of_all.len() as u32;
@@ -686,18 +697,10 @@ where
         }
     }
 
-    /// A contact or, of numbers beyond these, a tie, nodes that move alike, or a spring.
+    /// What has rows of contact, by its number among all that do.
     fn pair_entity(&self, number: usize) -> Entity {
-        let Some(tie) = number.checked_sub(self.pairs.len()) else {
-            return self.pairs[number].entity(number);
-        };
-        let Some(equal) = tie.checked_sub(self.ties.len()) else {
-            return self.ties[tie].entity(tie);
-        };
-        match equal.checked_sub(self.equals.len()) {
-            None => self.equals[equal].entity(equal),
-            Some(spring) => self.springs[spring].entity(spring),
-        }
+        let (number, part) = (self.connections().nth(number)).expect("rows belong to a part");
+        part.entity(number)
     }
 
     /// Checks that apply to all load steps before the first, with the prescribed displacements `first`: supports that
@@ -708,11 +711,13 @@ where
         prescriptions: &Prescriptions<D>,
         first: &Unknowns<D>,
         contact: &ContactRows<D>,
+        (pairs, pair_of): (&[PairData<D>], &[u32]),
     ) -> Result<(), ModelError> {
         let mut seen = HashSet::new();
         for step in 0..self.n_steps() {
-            let factors =
-                (self.supports.iter()).map(|s| self.factor(&s.factors, end_of(step)).to_bits());
+            let factors = (self.supports.iter().map(|s| &s.factors))
+                .chain(self.couplings.iter().map(|c| c.load_factors()))
+                .map(|factors| self.factor(factors, end_of(step)).to_bits());
             if !seen.insert(factors.collect::<Vec<_>>()) {
                 continue;
             }
@@ -724,7 +729,11 @@ where
                     &later
                 }
             };
-            let Err(error) = contact.check(unknowns) else {
+            let driven: HashMap<usize, Option<f64>> = (self.driven(pairs, pair_of, step).iter())
+                .map(|driven| (driven.row, driven.motion))
+                .collect();
+            let stated = |row: usize| driven.get(&row).copied().unwrap_or(Some(0.0));
+            let Err(error) = contact.check_stated(unknowns, stated) else {
                 continue;
             };
             // The support that moves the node most.

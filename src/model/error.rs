@@ -65,6 +65,10 @@ pub enum EntityKind {
     Equal,
     /// A spring.
     Spring,
+    /// Preload of bolts.
+    Preload,
+    /// Nodes that move with a point.
+    Coupling,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -193,6 +197,8 @@ impl EntityKind {
             Self::Tie => ["tie", "tie", "ties"],
             Self::Equal => ["equal", "equal nodes", "equal nodes"],
             Self::Spring => ["spring", "spring", "springs"],
+            Self::Preload => ["preload", "preload", "preloads"],
+            Self::Coupling => ["coupling", "coupling", "couplings"],
             Self::Thickness => ["analysis.thickness", "thickness", "thickness"],
             Self::Gravity => ["analysis.gravity", "gravity", "gravity"],
             Self::Steps => ["steps", "load steps", "load steps"],

@@ -9,7 +9,7 @@ mod meeting;
 use super::Definition;
 use super::build::problem_of;
 use super::elastic::Elastic;
-use super::entities::Part as _;
+use super::entities::Part;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{StepData, TemperatureField, outer_facets};
 use super::pair::Law;
@@ -28,6 +28,14 @@ use crate::ssnm::Sets;
 use meeting::Meeting;
 pub(crate) use meeting::Touch;
 use std::array::from_fn;
+
+/// What is not known yet where displacements are large.
+const SMALL: [EntityKind; 4] = [
+    EntityKind::Foundation,
+    EntityKind::Spring,
+    EntityKind::Preload,
+    EntityKind::Coupling,
+];
 
 /// Loads, supports and obstacles at a time.
 pub(crate) struct Moment<const D: usize> {
@@ -173,10 +181,13 @@ where
             };
             return Err(pair.entity(i).error(text));
         }
-        let foundation = self.foundations.first().map(|first| first.entity(0));
-        if let Some(entity) = foundation.or(self.springs.first().map(|first| first.entity(0))) {
-            return Err(entity.error(
-                "foundations and springs need geometry = \"small\": where displacements are large they are not known yet",
+        let small = |part: &(usize, &dyn Part)| {
+            let kind = part.1.facts().kind;
+            SMALL.contains(&kind)
+        };
+        if let Some((number, part)) = self.parts().find(small) {
+            return Err(part.entity(number).error(
+                "foundations, springs, preloads and couplings need geometry = \"small\": where displacements are large they are not known yet",
             ));
         }
         if self.analysis.rotation.is_some() {
@@ -640,6 +651,7 @@ where
             },
             temperature: to.temperature.clone(),
             changes: None,
+            driven: Vec::new(),
         };
         (elastic, data, u, slip)
     }

@@ -2,7 +2,7 @@
 
 use super::entities::{Part as _, Traction};
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
-use super::{Changes, Definition, Elastic, Quantity};
+use super::{Changes, Definition, Driven, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
 use crate::mesh::vector::dot;
@@ -28,6 +28,8 @@ pub struct StepData<const D: usize = 2> {
     pub temperature: TemperatureField<D>,
     /// What contacts, ties and friction are in this step; None where they are the same in all.
     pub changes: Option<Changes>,
+    /// The state of the rows that preloads and couplings state the motion of, or the force.
+    pub driven: Vec<Driven>,
 }
 
 /// The temperature of bodies above their stress-free state, in a load step.
@@ -79,26 +81,46 @@ where
             }
         }
         let (_, slide) = self.contact.held_motion(&unknowns);
+        let driven = definition.driven(&self.pairs, &self.pair_of, step);
         Ok(StepData {
             factor: definition.factor(&None, time),
             total_load,
             load: Load {
                 force: load_vector(&body, &unknowns, &forces),
                 acting: acting(&forces),
-                gap: self.contact.gap(&unknowns),
+                gap: self.gap(&unknowns, &driven),
                 slide,
             },
-            changes: definition.changes(
-                &self.mesh,
-                &self.prescriptions,
-                &self.contact,
-                &self.pair_of,
-                step,
-            )?,
+            changes: self.changes(step, &driven)?,
+            driven,
             unknowns,
             forces,
             temperature,
         })
+    }
+}
+
+impl<const D: usize> Elastic<D>
+where
+    ElementKind: Space<D>,
+{
+    /// d of a load step with these prescribed displacements and stated motions.
+    pub(super) fn gap(&self, unknowns: &Unknowns<D>, driven: &[Driven]) -> Vec<f64> {
+        let mut gap = self.contact.gap(unknowns);
+        for driven in driven {
+            gap[driven.row] += driven.motion.unwrap_or(0.0);
+        }
+        gap
+    }
+
+    /// What rows of contact are under in a load step, counted from 0.
+    pub(super) fn changes(
+        &self,
+        step: usize,
+        driven: &[Driven],
+    ) -> Result<Option<Changes>, ModelError> {
+        let of = (&self.contact, &self.pair_of[..]);
+        (self.definition).changes(&self.mesh, &self.prescriptions, of, driven, step)
     }
 }
 
@@ -110,6 +132,22 @@ pub(super) fn end_of(step: usize) -> f64 {
 /// The size of the forces on the nodes.
 pub(super) fn acting<const D: usize>(forces: &[[f64; D]]) -> f64 {
     norm(forces.as_flattened())
+}
+
+/// The nodes of facets with their parts of the area, which is the second value; the thickness of the plane counts.
+pub(super) fn area_shares<const D: usize>(
+    body: &Body<D>,
+    facets: &[Facet<D>],
+) -> (Vec<(u32, f64)>, f64)
+where
+    ElementKind: Space<D>,
+{
+    let mut shares = vec![0.0; body.mesh.nodes.len()];
+    body.integrate_on_boundary(facets, &|_| 1.0, &mut shares);
+    let area: f64 = shares.iter().sum();
+    let shares = (0..).zip(shares).filter(|(_, share)| *share != 0.0);
+    let parts = shares.map(|(node, share)| (node, share / area));
+    (parts.collect(), area)
 }
 
 /// The facets of a boundary of a mesh, or the boundaries that it has instead.
@@ -303,6 +341,8 @@ where
                 note(&[added], f.entity(number));
             }
         }
+        // They need small displacements: the time is the end of a load step.
+        self.add_driven(body, time.ceil() as usize - 1, &mut forces)?;
         // With large displacements, the material handles temperature.
         if !self.is_large() {
             self.add_expansion(body, time, &mut forces)?;

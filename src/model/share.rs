@@ -11,7 +11,7 @@ use super::elastic::Elastic;
 use super::error::ModelError;
 use super::loads::{StepData, TemperatureField, acting, end_of};
 use super::supports::{Prescriptions, SAME, extended};
-use super::{Changes, Definition, Quantity, Units};
+use super::{Changes, Definition, Driven, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
@@ -94,6 +94,7 @@ pub(crate) struct Step {
     /// The factor of each temperature.
     warmth: Vec<f64>,
     changes: Option<Changes>,
+    driven: Vec<Driven>,
 }
 
 /// The data that only one rank gets.
@@ -129,6 +130,8 @@ pub(crate) struct Part {
     /// are others, and the node that a place is.
     sides: Vec<[Vec<(u32, u32, f64)>; 2]>,
     place_nodes: Vec<(u32, u32)>,
+    /// Further nodes in rows: place, direction, node, vector.
+    further: Vec<(u32, u32, u32, Vec<f64>)>,
     /// The connected part of K of each own block.
     pub parts: Vec<u32>,
     /// Own unknowns that bodies are tied by.
@@ -333,20 +336,16 @@ where
                 (total_load.iter_mut().zip(force)).for_each(|(sum, force)| *sum += force);
             }
             let (_, slide) = elastic.contact.held_motion(&unknowns);
+            let driven = definition.driven(&elastic.pairs, &elastic.pair_of, step);
             steps.push(Step {
                 factor: definition.factor(&None, end_of(step)),
                 total_load,
                 acting: acting(&acts),
-                gap: elastic.contact.gap(&unknowns),
+                gap: elastic.gap(&unknowns, &driven),
                 slide,
                 warmth,
-                changes: definition.changes(
-                    mesh,
-                    &elastic.prescriptions,
-                    &elastic.contact,
-                    &elastic.pair_of,
-                    step,
-                )?,
+                changes: elastic.changes(step, &driven)?,
+                driven,
             });
             let value = |&(node, c): &(u32, usize)| unknowns.prescribed(node)[c].unwrap_or(0.0);
             values.push(held.iter().map(value).collect());
@@ -518,6 +517,13 @@ where
                     let here = nodes.iter();
                     side.extend(here.filter_map(|&(node, w)| Some((i, local(node)?, w))));
                 }
+            }
+            for (a, nodes) in (0..).zip(&place.further) {
+                part.further.extend(
+                    nodes
+                        .iter()
+                        .filter_map(|(node, way)| Some((i, a, local(*node)?, way.to_vec()))),
+                );
             }
             let node = place.node.and_then(local);
             part.place_nodes.extend(node.map(|node| (i, node)));
@@ -763,6 +769,7 @@ impl Place {
             own: Vec::new(),
             partners: Vec::new(),
             directed: vec![Default::default(); if self.is_directed { D } else { 0 }],
+            further: Vec::new(),
             frame: rows(&self.frame),
             gap: self.gap,
             area: self.area,
@@ -830,6 +837,11 @@ where
                         .push((node, weight));
                 }
             }
+        }
+        for (i, a, node, way) in std::mem::take(&mut part.further) {
+            let rows = &mut places[i as usize].further;
+            rows.resize(D, Vec::new());
+            rows[a as usize].push((node, fixed(&way)));
         }
         for &(i, node) in &part.place_nodes {
             places[i as usize].node = Some(node);
@@ -972,6 +984,7 @@ where
                 slide: of_all.slide.clone(),
             },
             changes: of_all.changes.clone(),
+            driven: of_all.driven.clone(),
             unknowns,
             forces,
             temperature: TemperatureField(

@@ -5,10 +5,10 @@
 
 use super::entities::{Facts, Names, Part, Target, in_a_place, with_a_name};
 use super::error::{EntityKind, Fault};
-use super::loads::outer_facets;
+use super::loads::{area_shares, outer_facets};
 use super::stated::{self, Flaw};
 use super::{PairData, Units};
-use crate::contact::{ContactPlace, SlipBound, Space};
+use crate::contact::{ContactPlace, SlipBound, Space, mean};
 use crate::elasticity::Body;
 use crate::mesh::vector::{length, minus, unit};
 use crate::mesh::{ElementKind, Location};
@@ -207,12 +207,7 @@ where
                 return Ok(nodes.into_iter().map(|node| (node, share)).collect());
             }
         };
-        let mut shares = vec![0.0; body.mesh.nodes.len()];
-        let facets = outer_facets(body.mesh, names.all())?;
-        body.integrate_on_boundary(&facets, &|_| 1.0, &mut shares);
-        let area: f64 = shares.iter().sum();
-        let shares = (0..).zip(shares).filter(|(_, share)| *share != 0.0);
-        Ok(shares.map(|(node, share)| (node, share / area)).collect())
+        Ok(area_shares(body, &outer_facets(body.mesh, names.all())?).0)
     }
 
     /// Its place, and what is known of it: ν points from the first end to the other one.
@@ -226,18 +221,11 @@ where
             Some(to) => Self::shares(body, to.target())?,
             None => Vec::new(),
         };
-        let mean = |nodes: &[(u32, f64)]| {
-            nodes
-                .iter()
-                .fold([0.0; D], |sum: [f64; D], &(node, share)| {
-                    let x = body.mesh.nodes[node as usize];
-                    std::array::from_fn(|c| sum[c] + share * x[c])
-                })
-        };
-        let place = mean(&own);
+        let middle = |nodes: &[(u32, f64)]| mean(nodes, |node| body.mesh.nodes[node as usize]);
+        let place = middle(&own);
         let way = self
             .direction
-            .unwrap_or_else(|| minus(mean(&partners), place));
+            .unwrap_or_else(|| minus(middle(&partners), place));
         let (low, high) = body.mesh.bounding_box();
         if self.direction.is_none() && !(length(way) > 1e-9 * length(minus(high, low))) {
             return Err(Fault::Stated(
@@ -252,7 +240,7 @@ where
         let data = PairData {
             tied: true,
             stiffness: Some(self.told_stiffness(units)),
-            ..PairData::between(&self.name, boundary, against, way)
+            ..PairData::between(EntityKind::Spring, &self.name, boundary, against, way)
         };
         let place = ContactPlace {
             place,
@@ -263,6 +251,7 @@ where
             own,
             partners,
             directed: Vec::new(),
+            further: Vec::new(),
             frame,
             gap: 0.0,
             area: 1.0,

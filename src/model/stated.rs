@@ -102,6 +102,14 @@ pub(super) fn z<'de, S: Deserializer<'de>, const D: usize>(
     only(D == 3, beyond, from)
 }
 
+/// A number that only space has.
+pub(super) fn of_space<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<f64>, S::Error> {
+    let beyond = "z, rx and ry have no meaning here: the mesh is in the plane, with x, y and rz";
+    only(D == 3, beyond, from)
+}
+
 pub(super) fn axial<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<Quantity<D>>, S::Error> {
@@ -151,6 +159,10 @@ pub(super) fn all_axes<const D: usize>() -> [bool; D] {
     [true; D]
 }
 
+pub(super) fn no_axes<const D: usize>() -> [bool; D] {
+    [false; D]
+}
+
 pub(super) fn axes<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<[bool; D], S::Error> {
@@ -170,12 +182,32 @@ pub(super) fn is_all<const D: usize>(bound: &[bool; D]) -> bool {
     *bound == all_axes()
 }
 
+pub(super) fn is_none<const D: usize>(bound: &[bool; D]) -> bool {
+    *bound == no_axes()
+}
+
 pub(super) fn names_of_axes<S: Serializer, const D: usize>(
     bound: &[bool; D],
     to: S,
 ) -> Result<S::Ok, S::Error> {
     let bound = AXES.iter().zip(bound).filter(|axis| *axis.1);
     to.collect_seq(bound.map(|axis| axis.0))
+}
+
+/// A number, or a list of numbers.
+pub(super) fn one_or_several<'de, S: Deserializer<'de>>(
+    from: S,
+) -> Result<Option<Vec<f64>>, S::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected a number or a list of numbers")]
+    enum Numbers {
+        One(f64),
+        Several(Vec<f64>),
+    }
+    Ok(Some(match Numbers::deserialize(from)? {
+        Numbers::One(number) => vec![number],
+        Numbers::Several(numbers) => numbers,
+    }))
 }
 
 /// "auto", true or false.

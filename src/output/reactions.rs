@@ -5,10 +5,12 @@ use crate::contact::Space;
 use crate::elasticity::{Deformed, Plane, Temperature, internal_forces};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology};
-use crate::model::Elastic;
+use crate::model::{Drive, Elastic, EntityKind};
 use crate::quasistatic::StepSolution;
+use crate::rigid;
 use serde::Serialize;
 use std::collections::HashSet;
+use std::ops::Range;
 
 /// A pressure above this part of the largest is near it: next to the edge of a punch it falls to 0.6 of it from one
 /// node to the next, on any mesh.
@@ -55,12 +57,27 @@ pub struct ContactReport {
     pub frictionless: usize,
     /// Tied places.
     pub tied: usize,
+    /// Of a preload: the tension in the section.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tension: Option<f64>,
+    /// Of a preload: by how much its ends overlap, in the unit of length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortening: Option<f64>,
+    /// Of a coupling: the motion of its point, along the axes in the unit of length, then about them in rad; null where its nodes do
+    /// not determine it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<Option<f64>>,
     /// Pools of places with a pressure near the largest: above 0.7 of it.
     #[serde(skip)]
     pub peaks: usize,
 }
 
 impl ContactReport {
+    /// Whether it is a preload or a coupling, which has no pressure.
+    pub fn is_driven(&self) -> bool {
+        self.tension.is_some() || !self.motion.is_empty()
+    }
+
     /// Its name in pictures and the summary: its own or, without one, both sides.
     pub fn title(&self) -> String {
         match &self.name {
@@ -208,6 +225,38 @@ where
             contact.tangential_force = length(friction);
         }
     }
+    for driven in &of.data.driven {
+        let pair = elastic.pair_of[driven.row];
+        let first = elastic.pair_of.partition_point(|&other| other < pair);
+        let (data, contact) = (&elastic.pairs[pair as usize], &mut contacts[pair as usize]);
+        let Drive { component, size } = data.drives[driven.row - first];
+        let moved = (driven.motion.unwrap_or(0.0) - fields.gap[driven.row]) / size;
+        let force = (driven.force - normal[driven.row]) * size;
+        let place = &elastic.contact.places[first];
+        let is_first = contact.motion.is_empty();
+        // All other places pass on what acts here; their rows are no contact by themselves.
+        contact.centre = place.place.to_vec();
+        (contact.separated, contact.tied) = (0, data.places);
+        (contact.normal_force, contact.tangential_force) = (0.0, 0.0);
+        (contact.area, contact.max_pressure) = (0.0, 0.0);
+        if data.kind == EntityKind::Preload {
+            (contact.tension, contact.shortening) = (Some(force), Some(moved));
+            (contact.normal_force, contact.area) = (-force, place.area);
+            let rows = first..first + data.places;
+            (contact.force, contact.moment) = section_forces(elastic, solution, rows, force);
+            continue;
+        }
+        if is_first {
+            contact.motion = vec![None; rigid::count(D)];
+            contact.force.fill(0.0);
+            contact.moment.fill(0.0);
+        }
+        contact.motion[component] = Some(moved);
+        match component.checked_sub(D) {
+            None => contact.force[component] = force,
+            Some(about) => contact.moment[about] = force,
+        }
+    }
     // Places of one pool have one pressure.
     let mut seen = HashSet::new();
     for (i, pressure) in fields.pressure.iter().enumerate() {
@@ -218,6 +267,40 @@ where
         }
     }
     contacts
+}
+
+/// The force on the side of a section that ν points away from, and its moment about the centre: of the tension, of the rows across ν, and
+/// of those in which a node overlaps by as much as the first.
+fn section_forces<const D: usize>(
+    elastic: &Elastic<D>,
+    solution: &StepSolution<D>,
+    rows: Range<usize>,
+    tension: f64,
+) -> (Vec<f64>, Vec<f64>)
+where
+    ElementKind: Topology<D>,
+{
+    let places = &elastic.contact.places;
+    let (normal, tangential) = solution.lambda.split_at(places.len());
+    let whole = &places[rows.start];
+    let mut force = whole.frame[0].map(|nu| tension * nu).to_vec();
+    let mut sum = moment(elastic.plane, [0.0; D], [0.0; D]);
+    let opposite = &places[rows.start + 1];
+    for i in rows.skip(1) {
+        let place = &places[i];
+        let along = std::iter::once(&normal[i]).chain(&tangential[(D - 1) * i..][..D - 1]);
+        for (a, (way, lambda)) in place.frame.iter().zip(along).enumerate() {
+            let here = way.map(|v| -lambda * v);
+            let is_couple = a == 0 && !place.directed.is_empty();
+            let about = if is_couple { opposite } else { whole };
+            let arm = minus(place.place, about.place);
+            add(&mut sum, &moment(elastic.plane, arm, here));
+            if !is_couple {
+                add(&mut force, &here);
+            }
+        }
+    }
+    (force, sum)
 }
 
 /// The forces on the supports: inner forces minus all others at the nodes that they hold. Foundations follow, with their own forces.
@@ -234,11 +317,9 @@ where
     let places = elastic.contact.places.iter().zip(normal);
     for ((place, normal), tangential) in places.zip(tangential.chunks(D - 1)) {
         let forces = std::iter::once(normal).chain(tangential);
-        for (a, (way, force)) in place.frame.iter().zip(forces).enumerate() {
-            for (side, sign) in place.sides(a).into_iter().zip([-1.0, 1.0]) {
-                for &(node, weight) in side {
-                    (0..D).for_each(|c| outer[node as usize][c] += sign * weight * force * way[c]);
-                }
+        for (a, force) in forces.enumerate() {
+            for (node, way) in place.terms(a) {
+                (0..D).for_each(|c| outer[node as usize][c] -= force * way[c]);
             }
         }
     }

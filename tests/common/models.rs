@@ -129,13 +129,25 @@ where
         self.data.unknowns.displacements(&self.solution.u)
     }
 
-    /// What the report says of the last step.
+    /// What the report says of the last step, as if there were no others.
     pub fn report(&self) -> StepReport {
+        self.report_on(&self.data, &self.solution)
+    }
+
+    /// The same of all steps.
+    pub fn reports(&self) -> Vec<StepReport> {
+        let steps = self.before.iter().chain([&self.solution]).enumerate();
+        steps
+            .map(|(step, solution)| self.report_on(&self.built.step(step).or_panic(), solution))
+            .collect()
+    }
+
+    fn report_on(&self, data: &StepData<D>, solution: &StepSolution<D>) -> StepReport {
         let mut report = Report::new("", &self.built);
         let solved = Solved {
-            number: 1 + self.before.len(),
-            data: Some(&self.data),
-            solution: self.solution.clone(),
+            number: 1,
+            data: Some(data),
+            solution: solution.clone(),
             displaced: None,
             parts: 1,
         };

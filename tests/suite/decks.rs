@@ -791,6 +791,170 @@ fn springs_hold_a_bar() {
     }
 }
 
+/// A bar of E A = 100 between walls: a force pulls its halves together, stays where it is, and meets a wall that moves.
+#[test]
+fn a_section_is_tightened_and_fixed() {
+    let section = "*SURFACE,NAME=Scut\n2,S2\n*PRE-TENSION SECTION,SURFACE=Scut,NODE=99\n1.,0.\n";
+    let walls = "*BOUNDARY\nNright,1,1\n";
+    let steps = format!(
+        "{STATIC}*CLOAD\n99,1,8.\n*END STEP\n{STATIC}*BOUNDARY,FIXED\n99,1,1\n*BOUNDARY\nNright,1,1,0.1\n*END STEP\n"
+    );
+    let deck = read(&strip(&format!("{section}{walls}{steps}")), &[], &[]).or_panic();
+    let text = written(&deck);
+    assert!(
+        text.contains("lock = [0.0, 1.0]") && text.contains("force = 8.0"),
+        "{text}"
+    );
+    let all = displacements(&built(&deck));
+    for (u, [tension, wall]) in all.iter().zip([[8.0, 0.0], [10.5, 0.1]]) {
+        for (x, u) in [0.0, 1.0, 2.0, 3.0, 4.0].into_iter().zip(u) {
+            let strain = tension / 100.0;
+            let from_left = (u[0] - strain * x).abs() < 1e-9;
+            let from_right = (u[0] - wall - strain * (x - 4.0)).abs() < 1e-9;
+            assert!(
+                if x == 2.0 {
+                    from_left || from_right
+                } else if x < 2.0 {
+                    from_left
+                } else {
+                    from_right
+                },
+                "{x} {u:?}"
+            );
+        }
+    }
+    // The same by a displacement of the node; with the normal into the elements of the surface, the opposite. As CalculiX's pret1 and
+    // pret2 in ccx 2.20.
+    for (normal, sign) in [("1.,0.", 1.0), ("-1.,0.", -1.0)] {
+        let section = section.replace("1.,0.", normal);
+        let stated = format!("{STATIC}*BOUNDARY\n99,1,1,0.32\n*END STEP\n");
+        let deck = read(&strip(&format!("{section}{walls}{stated}")), &[], &[]).or_panic();
+        let u = &displacements(&built(&deck))[0];
+        assert!((u[1][0] - sign * 0.08).abs() < 1e-9, "{u:?}");
+    }
+    for (rest, expected) in [
+        (
+            format!("{section}{STATIC}*CLOAD\n99,2,8.\n*END STEP\n"),
+            "the node of a *PRE-TENSION SECTION has one direction, 1",
+        ),
+        (
+            format!("{section}{STATIC}*BOUNDARY,FIXED\n99,1,1\n*END STEP\n"),
+            "there is none before the first",
+        ),
+        (
+            format!("{section}{STATIC}*CLOAD\n99,1,8.\n*BOUNDARY\n99,1,1,0.1\n*END STEP\n"),
+            "its node has a force or a displacement, not both",
+        ),
+        (
+            format!(
+                "{}{STATIC}*END STEP\n",
+                section.replace("NODE=99", "NODE=5")
+            ),
+            "must not belong to an element of a body",
+        ),
+        (
+            format!("{section}{STATIC}*BOUNDARY,FIXED\nNright,1,1\n*END STEP\n"),
+            "only the node of a *PRE-TENSION SECTION can be fixed",
+        ),
+    ] {
+        let error = read(&strip(&rest), &[], &[]).expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// The end of the strip moves with node 99 at (7, 7), turned by 0.01: as a coupling, an older coupling, and a rigid body whose second
+/// node has the rotation.
+#[test]
+fn nodes_move_with_a_reference_node() {
+    let turn = 0.01;
+    let moved = "99,1,1,0.02\n99,2,2,0.03\n";
+    let own = format!("{moved}99,6,6,{turn}\n");
+    let other = format!("{moved}98,3,3,{turn}\n");
+    for (constraint, motions) in [
+        (
+            "*COUPLING,CONSTRAINT NAME=end,REF NODE=99,SURFACE=Send\n*KINEMATIC\n",
+            &own,
+        ),
+        (
+            "*COUPLING,CONSTRAINT NAME=end,REF NODE=99,SURFACE=Send\n*KINEMATIC\n1,2\n",
+            &own,
+        ),
+        ("*KINEMATIC COUPLING,REF NODE=99\n5,1,2\n15,1,2\n", &own),
+        ("*RIGID BODY,NSET=Nright,REF NODE=99\n", &own),
+        (
+            "*NODE\n98,0,0\n*RIGID BODY,NSET=Nright,REF NODE=99,ROT NODE=98\n",
+            &other,
+        ),
+        (
+            "*COUPLING,CONSTRAINT NAME=end,REF NODE=99,SURFACE=Send\n*DISTRIBUTING\n1,6\n",
+            &own,
+        ),
+    ] {
+        let text = strip(&format!(
+            "{constraint}{STATIC}*BOUNDARY\n{motions}*END STEP\n"
+        ));
+        let deck = read(&text, &[], &[]).or_panic();
+        assert_eq!(written(&deck).matches("[[coupling]]").count(), 1);
+        let u = &displacements(&built(&deck))[0];
+        for (node, y) in [(4, 0.0), (9, 1.0)] {
+            let exact = [0.02 - turn * (y - 7.0), 0.03 + turn * (4.0 - 7.0)];
+            // Two nodes move rigidly along both axes; spread, all but the change of their distance is that motion.
+            let off = if constraint.contains("DISTRIBUTING") {
+                0
+            } else {
+                1
+            };
+            for c in 0..=off {
+                assert!(
+                    (u[node][c] - exact[c]).abs() < 1e-9,
+                    "{constraint} {y}: {:?} {exact:?}",
+                    u[node]
+                );
+            }
+        }
+    }
+    // A force that grows after a rotation that is there at once: two histories, two parts.
+    let grows = "*AMPLITUDE,NAME=late\n0.,0.,0.5,0.,1.,1.\n";
+    let text = strip(&format!(
+        "{grows}*COUPLING,CONSTRAINT NAME=end,REF NODE=99,SURFACE=Send\n*KINEMATIC\n{STATIC}*BOUNDARY\n99,6,6,{turn}\n*CLOAD,AMPLITUDE=late\n99,1,5.\n*END STEP\n"
+    ));
+    let deck = read(&text, &[], &[]).or_panic();
+    assert_eq!(written(&deck).matches("[[coupling]]").count(), 2);
+    let all = displacements(&built(&deck));
+    let of_force = |step: usize| 0.5 * (all[step][4][0] + all[step][9][0]);
+    assert!(of_force(0).abs() < 1e-9);
+    // 5 over E A / l.
+    assert!((of_force(1) - 5.0 / 25.0).abs() < 1e-9, "{}", of_force(1));
+    assert!((all[1][4][0] - all[1][9][0] - turn).abs() < 1e-9);
+    for (rest, expected) in [
+        (
+            format!("*COUPLING,REF NODE=99,SURFACE=Send\n{STATIC}*END STEP\n"),
+            "*KINEMATIC or *DISTRIBUTING follows it",
+        ),
+        (
+            format!("*KINEMATIC\n{STATIC}*END STEP\n"),
+            "*KINEMATIC follows a *COUPLING",
+        ),
+        (
+            format!("*RIGID BODY,ELSET=Eall,REF NODE=99\n{STATIC}*END STEP\n"),
+            "nodes are needed",
+        ),
+        (
+            format!(
+                "*RIGID BODY,NSET=Nright,REF NODE=99\n*RIGID BODY,NSET=Nleft,REF NODE=99\n{STATIC}*END STEP\n"
+            ),
+            "two constraints have the same reference node",
+        ),
+        (
+            format!("{STATIC}*CLOAD\nNright,5,1.\n*END STEP\n"),
+            "*CLOAD, direction 5: nodes have forces along x, y and z only",
+        ),
+    ] {
+        let error = read(&strip(&rest), &[], &[]).expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
 /// Two squares, one pressed on the other by δ and then pushed along: without friction, with it, and with the pair taken away.
 #[test]
 fn contacts_and_friction_change_with_the_steps() {

@@ -7,6 +7,7 @@
 mod common;
 
 mod axisymmetric;
+mod bolts;
 mod by_row;
 mod campaign;
 mod case_c;
@@ -17,6 +18,7 @@ mod contact;
 mod coulomb;
 mod coulomb_space;
 mod counts;
+mod couplings;
 mod decks;
 mod elastic;
 mod equal;

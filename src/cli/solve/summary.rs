@@ -168,7 +168,27 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
         )
     };
     let of_support = moment.clone();
+    let length = Units::behind(&units.length);
     let contacts = step.contacts.iter().map(move |contact| {
+        if let (Some(tension), Some(shortening)) = (contact.tension, contact.shortening) {
+            return format!(
+                "  preload {}: tension {tension:.6e}{unit}, shortening {shortening:.6e}{length}",
+                contact.title()
+            );
+        }
+        if contact.is_driven() {
+            let (force, about) = (listed(&contact.force), listed(&contact.moment));
+            let motion = contact.motion.iter();
+            let motion = motion.map(|motion| match motion {
+                Some(motion) => format!("{motion:.6e}"),
+                None => "-".to_owned(),
+            });
+            return format!(
+                "  coupling {}: force ({force}){unit}, moment ({about}){of_work}, motion ({})",
+                contact.title(),
+                motion.collect::<Vec<_>>().join(", ")
+            );
+        }
         let work = if contact.slipping_work > 0.0 && contact.slip > 0 {
             format!(", slipping work {:.4e}{of_work}", contact.slipping_work)
         } else {

@@ -47,7 +47,7 @@ pub(super) const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Reasons to refuse keywords that decks often have.
-pub(super) const REASONS: [(&str, &str); 35] = [
+pub(super) const REASONS: [(&str, &str); 31] = [
     ("BEAM SECTION", "beams are not supported"),
     ("BUCKLE", "buckling analysis is not supported"),
     (
@@ -58,7 +58,6 @@ pub(super) const REASONS: [(&str, &str); 35] = [
         "COUPLED TEMPERATURE-DISPLACEMENT",
         "heat conduction is not supported",
     ),
-    ("COUPLING", "nodes cannot be coupled to a reference node"),
     ("CREEP", "only linear-elastic materials are supported"),
     (
         "CYCLIC HARDENING",
@@ -84,10 +83,6 @@ pub(super) const REASONS: [(&str, &str); 35] = [
         "only linear-elastic materials are supported",
     ),
     ("HYPERFOAM", "only linear-elastic materials are supported"),
-    (
-        "KINEMATIC COUPLING",
-        "nodes cannot be coupled to a reference node",
-    ),
     ("MEMBRANE SECTION", "membranes are not supported"),
     ("MODAL DYNAMIC", "inertia is not supported"),
     (
@@ -96,14 +91,6 @@ pub(super) const REASONS: [(&str, &str); 35] = [
     ),
     ("NO TENSION", "only linear-elastic materials are supported"),
     ("PLASTIC", "only linear-elastic materials are supported"),
-    (
-        "PRE-TENSION SECTION",
-        "pre-tension of bolts is not supported: state a temperature or an interference",
-    ),
-    (
-        "RIGID BODY",
-        "rigid bodies of nodes are not supported: use a stiff material or a rigid obstacle",
-    ),
     (
         "SELECT CYCLIC SYMMETRY MODES",
         "cyclic symmetry is not supported",

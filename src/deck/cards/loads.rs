@@ -24,8 +24,14 @@ impl<'a> Said<'a> {
                 "AMPLITUDE",
                 "LOAD CASE=1",
                 "TYPE=DISPLACEMENT",
+                "FIXED",
             ],
         );
+        let is_fixed = k.option("FIXED").is_some();
+        if is_fixed && kind != Kind::Boundary {
+            let text = format!("*{}, FIXED: this option belongs to *BOUNDARY", k.name);
+            return Err((k.line, text));
+        }
         let step = self.steps.len().checked_sub(1);
         let amplitude = match k.option("AMPLITUDE").map(key) {
             None => None,
@@ -46,7 +52,10 @@ impl<'a> Said<'a> {
         for &(line, text) in &card.data {
             let all: Vec<&str> = entries(text).map(plain).collect();
             let made = match kind {
-                Kind::Boundary => self.boundary(line, &all)?,
+                Kind::Boundary => match (self.boundary(line, &all)?, is_fixed) {
+                    (Some(What::Boundary { target, .. }), true) => Some(What::Fixed { target }),
+                    (made, _) => made,
+                },
                 Kind::Force => self.force(line, &all)?,
                 Kind::Distributed => self.distributed(line, &all)?,
                 Kind::Surface => self.pressure(line, &all)?,
@@ -123,11 +132,9 @@ impl<'a> Said<'a> {
             );
             return Ok(None);
         }
-        // Nodes of bodies have no rotations to hold.
-        let components: Vec<usize> = (first..=last.min(3)).map(|c| c as usize - 1).collect();
-        Ok((!components.is_empty()).then_some(What::Boundary {
+        Ok(Some(What::Boundary {
             target,
-            components,
+            components: (first..=last.min(6)).map(|c| c as usize - 1).collect(),
             value,
         }))
     }
@@ -140,11 +147,11 @@ impl<'a> Said<'a> {
             ));
         };
         let (direction, value) = (component(line, direction)?, value(line, of_target)?);
-        if !(1..=3).contains(&direction) {
+        if direction > 6 {
             self.refuse(
                 line,
                 "CLOAD",
-                format!("*CLOAD, direction {direction}: nodes have forces along x, y and z only"),
+                format!("*CLOAD, direction {direction}: nodes have no such direction"),
             );
             return Ok(None);
         }

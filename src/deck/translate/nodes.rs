@@ -180,10 +180,22 @@ impl<const D: usize> Translation<'_, '_, D> {
                     component,
                     value,
                 } if kind == Kind::Force => (target, std::slice::from_ref(component), *value),
+                What::Fixed { target } if kind == Kind::Boundary => {
+                    let nodes = self.index.nodes(load.line, target)?;
+                    if nodes.iter().any(|node| !self.points.contains_key(node)) {
+                        let text = "*BOUNDARY, FIXED: only the node of a *PRE-TENSION SECTION can be fixed where it is";
+                        self.refuse(load.line, "BOUNDARY", text);
+                    }
+                    continue;
+                }
                 _ => continue,
             };
             let origin = self.index.set_name(true, target).map_or("", |_| target);
             for node in self.index.nodes(load.line, target)? {
+                // Reference nodes have been read already.
+                if self.points.contains_key(&node) {
+                    continue;
+                }
                 let transform = transforms.get(&node).copied();
                 let axes = transform.and_then(|number| self.said.transforms[number].axes());
                 if kind == Kind::Boundary && axes.is_some() {
@@ -194,6 +206,17 @@ impl<const D: usize> Translation<'_, '_, D> {
                     continue;
                 }
                 for &component in components {
+                    // Nodes of bodies have no rotations to hold.
+                    if component >= 3 {
+                        if kind == Kind::Force && reported.insert(load.line) {
+                            let text = format!(
+                                "*CLOAD, direction {}: nodes have forces along x, y and z only",
+                                component + 1
+                            );
+                            self.refuse(load.line, "CLOAD", text);
+                        }
+                        continue;
+                    }
                     if component >= D {
                         if value != 0.0 && reported.insert(load.line) {
                             let text = "in the plane there is no direction 3";

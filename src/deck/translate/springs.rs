@@ -105,8 +105,9 @@ impl<const D: usize> Translation<'_, '_, D> {
             };
             for node in self.index.nodes(load.line, target)? {
                 // In directions of its own all of a node has to be held.
-                let is_turned = transforms.contains_key(&node) && components.len() < D;
-                let of_node = components.iter().map(|&c| (node, c));
+                let axes = || components.iter().filter(|&&c| c < D);
+                let is_turned = transforms.contains_key(&node) && axes().count() < D;
+                let of_node = axes().map(|&c| (node, c));
                 match *value != 0.0 {
                     true => moved.extend(of_node),
                     false if load.step.unwrap_or(0) == 0 && !is_turned => held.extend(of_node),

@@ -194,8 +194,8 @@ impl Index<'_> {
         })
     }
 
-    /// A surface, of the assembly or as `INSTANCE.SURFACE`.
-    pub fn surface(&self, line: usize, what: &str) -> Result<Surface, Wrong> {
+    /// A surface as it is stated, of the assembly or as `INSTANCE.SURFACE`, with the number of its instance.
+    fn stated_surface(&self, line: usize, what: &str) -> Result<(usize, &parts::Surface), Wrong> {
         let wanted = key(what);
         let found = (self.flat.placed.iter().enumerate().rev()).find_map(|(number, placed)| {
             let own = match placed.key.as_str() {
@@ -204,9 +204,39 @@ impl Index<'_> {
             };
             Some((number, placed.part.surfaces.get(own?)?))
         });
-        let Some((number, surface)) = found else {
-            return Err((line, format!("there is no surface \"{what}\"")));
+        found.ok_or_else(|| (line, format!("there is no surface \"{what}\"")))
+    }
+
+    /// From the middle of the elements of a surface to that of their faces in it, summed over all: outwards. Zero of faces that
+    /// have no number.
+    pub fn outward(&self, line: usize, what: &str) -> Result<[f64; 3], Wrong> {
+        let (number, surface) = self.stated_surface(line, what)?;
+        let mut sum = [0.0; 3];
+        let mut add = |nodes: &[u32], sign: f64| {
+            for node in nodes {
+                let x = self.place(*node);
+                (0..3).for_each(|c| sum[c] += sign / nodes.len() as f64 * x[c]);
+            }
         };
+        for (line, what, side) in &surface.faces {
+            let Some(face) = side.strip_prefix('S').and_then(|face| face.parse().ok()) else {
+                continue;
+            };
+            let elements = self.flat.named(number, false, *line, what);
+            for element in elements.map_err(wrong)? {
+                if let Some(corners) = self.face(element, face) {
+                    let (cell, nodes) = self.flat.cell(element as usize);
+                    add(&corners, 1.0);
+                    add(&nodes[..cell.n_corners()], -1.0);
+                }
+            }
+        }
+        Ok(sum)
+    }
+
+    /// A surface, of the assembly or as `INSTANCE.SURFACE`.
+    pub fn surface(&self, line: usize, what: &str) -> Result<Surface, Wrong> {
+        let (number, surface) = self.stated_surface(line, what)?;
         let name = format!("{}{}", self.flat.placed[number].prefix, surface.name);
         let mut nodes = None;
         if surface.of_nodes {
