@@ -253,8 +253,6 @@ impl<const D: usize> StepSolution<D> {
     }
 }
 
-/// The tolerance of a check is at most this, even if rounds ask for less: a tolerance must be below 1.
-const COARSEST: f64 = 0.1;
 /// A body counts as pushed if this part of the largest imbalance acts on it.
 const PUSHED: f64 = 1e-3;
 
@@ -327,14 +325,14 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     place: Vec<f64>,
     made: Vec<Round>,
     /// The point so far with the least violation of Coulomb's law.
-    best: Option<Met>,
+    best: Option<Met<D>>,
     /// The observer has asked for an end.
     stopped: bool,
 }
 
 /// A point met under Coulomb's law.
-struct Met {
-    lambda: Vec<f64>,
+struct Met<const D: usize> {
+    solution: Solution<D>,
     /// The largest violation of its conditions, where known.
     off: f64,
 }
@@ -421,40 +419,37 @@ where
         self.best_met(status)
     }
 
-    /// The best point met, judged by Coulomb's law: without a step, because steps made no progress. `status`: the reason why
-    /// they ended.
+    /// The best point met, judged by Coulomb's law. `status`: the reason why steps ended.
     fn best_met(&mut self, status: Status) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
-        let ssnm = &self.settings.ssnm;
-        let (wanted, tolerance) = (self.settings.friction_tolerance(), ssnm.tolerance);
-        // The bounds of converged rounds are as accurate as requested, and forces are as accurate as a tenth of that
-        // requires.
-        let mut numbers = ssnm.numbers;
+        let tolerance = self.settings.ssnm.tolerance;
         let of_rounds = status == Status::Converged;
-        let tolerance = if of_rounds {
-            (ssnm::MET * wanted).min(COARSEST).max(tolerance)
-        } else {
-            tolerance
+        // The bounds of converged rounds are as accurate as requested.
+        let most = match of_rounds {
+            true => (self.settings.friction_tolerance()).max(ssnm::MET * tolerance),
+            false => tolerance,
         };
-        if of_rounds {
-            numbers.forces *= (wanted / ssnm::MET).max(ssnm.tolerance) / tolerance;
-        }
-        let best = self.best.take().map_or(Vec::new(), |best| best.lambda);
-        let without_steps = ssnm::NewtonSettings {
-            max_iterations: 0,
-            time_limit: None,
-            interrupt: None,
-            tolerance,
-            numbers,
-            ..ssnm.clone()
+        let Some(Met { mut solution, off }) = self.best.take() else {
+            unreachable!("rounds follow an attempt under Coulomb's law, or are one");
         };
-        let most = wanted.max(ssnm::MET * ssnm.tolerance);
-        let mut solution = self.attempt(None, None, &best, without_steps)?;
-        let is_met = solution.status == Status::Converged && solution.info.kkt.max() <= most;
-        solution.status = match (is_met, of_rounds) {
+        let kkt = conditions(&self.lawful, self.dual, &solution.u, &solution.lambda)?;
+        solution.status = match (off.max(kkt.max()) <= most, of_rounds) {
             (true, _) => Status::Converged,
             (false, true) => Status::Stagnated,
             (false, false) => status,
         };
+        // The solve that met it has its counts already.
+        solution.info = Info {
+            iter: 0,
+            n_a: 0,
+            n_a_sigma: 0,
+            first_met: None,
+            history: Vec::new(),
+            setup_seconds: 0.0,
+            solve_seconds: 0.0,
+            kkt,
+            ..solution.info
+        };
+        self.note(None, None, tolerance, &solution);
         Ok((solution, None))
     }
 
@@ -530,6 +525,31 @@ where
                 ssnm::solve_from(start, &on_springs, &mut dual, &settings, watch)?
             }
         };
+        let friction_change = self.note(frozen, springs, settings.tolerance, &solution);
+        if self.lawful.has_coulomb() && springs.is_none() {
+            let info = &solution.info;
+            let off = info.kkt.max().max(info.err_relative).max(friction_change);
+            if self.best.as_ref().is_none_or(|best| off < best.off) {
+                let solution = solution.clone();
+                self.best = Some(Met { solution, off });
+            }
+        }
+        let goes_on = problem.has_coulomb() && has_given_up(solution.status);
+        if frozen.is_some() || springs.is_some() || goes_on {
+            let made = self.made.last().expect("just pushed");
+            self.stopped |= (self.observer)(Event::Round(made)).is_break();
+        }
+        Ok(solution)
+    }
+
+    /// Takes down a solve; returns how far frozen bounds are from the law.
+    fn note(
+        &mut self,
+        frozen: Option<&[f64]>,
+        springs: Option<f64>,
+        tolerance: f64,
+        solution: &Solution<D>,
+    ) -> f64 {
         let friction_change = frozen.map_or(0.0, |bounds| {
             let law = self.lawful.bounds(&solution.lambda);
             self.relative(&solution.lambda, &changes(&law, bounds))
@@ -539,23 +559,10 @@ where
             frozen: frozen.is_some(),
             on_springs: springs.is_some(),
             friction_change,
-            tolerance: settings.tolerance,
+            tolerance,
             info: solution.info.clone(),
         });
-        if self.lawful.has_coulomb() && springs.is_none() {
-            let info = &solution.info;
-            let off = info.kkt.max().max(info.err_relative).max(friction_change);
-            if self.best.as_ref().is_none_or(|best| off < best.off) {
-                let lambda = solution.lambda.clone();
-                self.best = Some(Met { lambda, off });
-            }
-        }
-        let goes_on = problem.has_coulomb() && has_given_up(solution.status);
-        if frozen.is_some() || springs.is_some() || goes_on {
-            let made = self.made.last().expect("just pushed");
-            self.stopped |= (self.observer)(Event::Round(made)).is_break();
-        }
-        Ok(solution)
+        friction_change
     }
 
     /// The step on weak springs, from the point where it stagnated.
