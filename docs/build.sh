@@ -33,6 +33,7 @@ shrink-fit contact-002 shrink-fit-contact
 brake deformed-003 brake
 ball-joint contact-003 ball-joint
 ironing deformed-003 ironing
+bolted-flange contact-1-005 bolted-flange
 bracket-3d deformed bracket-3d
 ball deformed ball
 END

@@ -288,6 +288,59 @@ active = [0, 0, 1]
 factors = [1, 1, 1]
 "#;
 
+/// A bolt beside two plates under a common rigid head: tightened, locked, and pulled by the point of the head, whose foot a spread coupling
+/// holds.
+const BOLT: &str = r#"
+title = "a bolt and its head"
+[[mesh.part]]
+name = "low"
+box = { size = [2, 1, 0.5], cells = [6, 3, 2] }
+[[mesh.part]]
+name = "up"
+box = { origin = [0, 0, 0.5], size = [2, 1, 0.5], cells = [5, 3, 2] }
+[[mesh.part]]
+name = "bolt"
+box = { origin = [2.2, 0.2, 0], size = [0.5, 0.5, 1], cells = [2, 2, 5] }
+[[material]]
+young = 1e9
+poisson = 0.3
+[[support]]
+boundary = "bolt-bottom"
+x = 0
+y = 0
+z = 0
+[[coupling]]
+boundary = "low-bottom"
+point = [1, 0.5, 0]
+kind = "distributing"
+x = 0
+y = 0
+z = 0
+rx = 0
+ry = 0
+rz = 0
+name = "foot"
+[[coupling]]
+boundary = ["up-top", "bolt-top"]
+point = [1.5, 0.5, 1]
+force = [1e4, 0, 5e4]
+moment = [0, 1e4, 0]
+factors = [0, 0, 1]
+name = "head"
+[[contact]]
+boundary = "up-bottom"
+against = "low-top"
+friction = { coulomb = 0.3 }
+[[preload]]
+plane = { point = [2.4, 0.4, 0.45], normal = [0, 0, 1] }
+region = "bolt"
+force = 2e5
+lock = true
+name = "bolt"
+[steps]
+factors = [0.5, 1, 1]
+"#;
+
 /// Two blocks of quadrilaterals, one above the other, with sets of nodes.
 fn blocks() -> String {
     let (mut nodes, mut elements) = ("*NODE\n".to_owned(), String::new());
@@ -341,7 +394,7 @@ fn blocks() -> String {
 
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
-    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED] {
+    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }
 }

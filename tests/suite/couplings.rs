@@ -5,9 +5,9 @@ use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
-use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Coupling, Model, Support, Traction};
+use signorini::model::{Coupling, Model, Pair, Support, Traction};
 use signorini::output::ContactReport;
 use signorini::ssnm::Status;
 
@@ -369,4 +369,63 @@ fn a_motion_against_supports_is_refused() {
     );
     let found = answer(model(2e-4), 1e-10, Stiffness::Cholesky);
     assert!((motion(&coupling(&found))[1] - 2e-4).abs() < 1e-15);
+}
+
+/// A plate whose nodes all move with one point is rigid: pressed on three columns with ν = 0, of which the middle one is lower, it goes
+/// down by the force over the stiffness of the two others, and of all three once it has reached that one.
+#[test]
+fn a_rigid_plate_is_pressed_on_columns() {
+    let part = |x: f64, size: [f64; 2], y: f64, name: &str| {
+        let prefix = format!("{name}-");
+        rectangle([x, y], size, [2, 2], CellShape::Quad, name, &prefix)
+    };
+    let (heights, gap) = ([1.0, 0.9998, 1.0], 2e-4);
+    let mut mesh = part(-0.5, [6.0, 0.5], 1.0, "plate");
+    let plate: Vec<u32> = (0..mesh.nodes.len() as u32).collect();
+    mesh.node_sets.insert("all".to_owned(), plate);
+    for (i, height) in heights.into_iter().enumerate() {
+        mesh = join(
+            mesh,
+            part(2.0 * i as f64, [1.0, height], 0.0, &format!("column{i}")),
+        );
+    }
+    let stiffness = heights.map(|height| YOUNG / height);
+    let touches = gap * (stiffness[0] + stiffness[2]);
+    let model = |force: f64| {
+        let columns = ["column0", "column1", "column2"];
+        let feet: Vec<String> = columns
+            .iter()
+            .map(|name| format!("{name}-bottom"))
+            .collect();
+        let model = Model::on(mesh.clone())
+            .material(Material::new(YOUNG, 0.0))
+            .support(Support::on(feet).fixed())
+            .coupling(
+                Coupling::at_nodes("all", [2.5, 1.0])
+                    .moved(0, 0.0)
+                    .force([0.0, -force]),
+            );
+        columns.into_iter().fold(model, |model, name| {
+            model.contact(Pair::new(format!("{name}-top"), "plate-bottom"))
+        })
+    };
+    for path in PATHS {
+        for force in [0.5 * touches, 3.0 * touches] {
+            let found = answer(model(force), 1e-11, path);
+            let down = match force < touches {
+                true => force / (stiffness[0] + stiffness[2]),
+                false => (force + stiffness[1] * gap) / stiffness.iter().sum::<f64>(),
+            };
+            let report = found.report();
+            for (i, contact) in report.contacts[..3].iter().enumerate() {
+                let pressed = stiffness[i] * (down - [0.0, gap, 0.0][i]).max(0.0);
+                assert!(
+                    (contact.normal_force - pressed).abs() < 1e-8 * force,
+                    "{i}: {contact:?}"
+                );
+            }
+            let moved = motion(&report.contacts[3]);
+            assert!(apart(&moved, &[0.0, -down, 0.0]) < 1e-8 * down, "{moved:?}");
+        }
+    }
 }
