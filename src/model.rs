@@ -39,6 +39,7 @@ mod build;
 mod changes;
 mod contacts;
 mod coupling;
+mod cyclic;
 mod driven;
 mod elastic;
 mod entities;
@@ -68,6 +69,7 @@ pub use build::{AnyBuilt, Built};
 pub use changes::Changes;
 pub use contacts::PairData;
 pub use coupling::Coupling;
+pub use cyclic::Cyclic;
 pub use driven::{Drive, Driven};
 pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
@@ -141,6 +143,8 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) preloads: Vec<Preload<D>>,
     #[serde(default, rename = "coupling")]
     pub(crate) couplings: Vec<Coupling<D>>,
+    #[serde(default, rename = "cyclic")]
+    pub(crate) cyclics: Vec<Cyclic<D>>,
     /// Of preloads, once the mesh is cut.
     #[serde(skip)]
     sections: Vec<preload::Section<D>>,
@@ -343,6 +347,12 @@ where
         self
     }
 
+    /// Adds the sides of a sector that repeats itself.
+    pub fn cyclic(mut self, cyclic: Cyclic<D>) -> Self {
+        self.definition.cyclics.push(cyclic);
+        self
+    }
+
     /// Load steps in order: the factors of loads, gravity and prescribed displacements in each, where they have no
     /// factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
@@ -392,6 +402,7 @@ impl<const D: usize> Definition<D> {
             .chain(numbered(&self.springs))
             .chain(numbered(&self.preloads))
             .chain(numbered(&self.couplings))
+            .chain(numbered(&self.cyclics))
     }
 
     /// The behaviour perpendicular to the plane.

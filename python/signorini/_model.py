@@ -311,6 +311,11 @@ class Model:
         motions = {"x": x, "y": y, "z": z, "rx": rx, "ry": ry, "rz": rz}
         return self.add("coupling", **where, **motions, force=force, moment=moment, factors=factors, **more)
 
+    def cyclic(self, low: Names, high: Names, axis: Mapping[str, Any], sectors: int, **more: Any) -> Model:
+        """Repeat the sector from the boundary `low` to `high` about an axis (``axis={"point": [0, 0]}``, in space with a direction), so that as
+        many sectors make the whole body; the meshes of both sides need not match."""
+        return self.add("cyclic", low=low, high=high, axis=axis, sectors=sectors, **more)
+
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: the factor of loads and prescribed displacements in each, in order."""
         return self._say("steps", factors=factors)

@@ -335,6 +335,7 @@ where
         let (word, between) = match pair.kind {
             EntityKind::Coupling => ("coupling", "with"),
             EntityKind::Preload => ("preload", "with"),
+            EntityKind::Cyclic => ("cyclic", "to"),
             _ => ("spring", "to"),
         };
         let name = (pair.name.as_ref()).map_or(String::new(), |name| match pair.kind {

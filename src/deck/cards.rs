@@ -210,6 +210,7 @@ impl<'a> Said<'a> {
             "KINEMATIC" | "DISTRIBUTING" => self.couple(card)?,
             "KINEMATIC COUPLING" => self.kinematic(card)?,
             "RIGID BODY" => self.rigid_body(card)?,
+            "CYCLIC SYMMETRY MODEL" => self.sectors(card)?,
             "PRE-TENSION SECTION" => self.pretension(card)?,
             "CLEARANCE" => {
                 let option = |name| {
@@ -590,20 +591,17 @@ impl<'a> Said<'a> {
 
     fn ties(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
-        for cyclic in ["CYCLIC SYMMETRY", "MULTISTAGE"] {
-            if k.option(cyclic).is_some() {
-                self.refuse(
-                    k.line,
-                    "CYCLIC SYMMETRY",
-                    format!("*TIE, {cyclic}: cyclic symmetry is not supported"),
-                );
-                return Ok(());
-            }
+        if k.option("MULTISTAGE").is_some() {
+            let text =
+                "*TIE, MULTISTAGE: sectors of several numbers in one model are not supported";
+            self.refuse(k.line, "MULTISTAGE", text);
+            return Ok(());
         }
         self.only(
             k,
             &[
                 "NAME",
+                "CYCLIC SYMMETRY",
                 "POSITION TOLERANCE",
                 "ADJUST=YES",
                 "ADJUST=NO",
@@ -626,6 +624,7 @@ impl<'a> Said<'a> {
             let name = k.option("NAME").filter(|name| !name.is_empty());
             self.ties.push(TieCard {
                 line,
+                cyclic: k.option("CYCLIC SYMMETRY").is_some(),
                 name,
                 slave,
                 master,

@@ -193,6 +193,8 @@ pub(super) struct PairChange {
 /// `*TIE`, a line of it.
 pub(super) struct TieCard<'a> {
     pub line: usize,
+    /// The sides of a sector.
+    pub cyclic: bool,
     pub name: Option<&'a str>,
     pub slave: &'a str,
     pub master: &'a str,
@@ -233,6 +235,16 @@ pub(super) struct CouplingCard<'a> {
     pub distributing: bool,
     /// The directions that are coupled.
     pub bound: [bool; 3],
+}
+
+/// `*CYCLIC SYMMETRY MODEL`: sectors of a tie.
+pub(super) struct SectorCard<'a> {
+    pub line: usize,
+    pub sectors: u32,
+    /// The name of the tie; None: all.
+    pub tie: Option<&'a str>,
+    /// Two points of the axis.
+    pub axis: [f64; 6],
 }
 
 /// `*PRE-TENSION SECTION`.
@@ -284,6 +296,7 @@ pub(super) struct Said<'a> {
     pub springs: Vec<SpringCard<'a>>,
     pub couplings: Vec<CouplingCard<'a>>,
     pub pretensions: Vec<PretensionCard<'a>>,
+    pub sectors: Vec<SectorCard<'a>>,
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,

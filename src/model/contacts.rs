@@ -193,10 +193,10 @@ where
 
 /// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse meshes of a
 /// common surface. (An arc of eight facets has a tenth of one between it and the circle.)
-const TIE_DISTANCE: f64 = 0.25;
+pub(super) const TIE_DISTANCE: f64 = 0.25;
 
 /// The longest way between corners of a facet.
-fn largest_facet<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> f64
+pub(super) fn largest_facet<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> f64
 where
     ElementKind: Topology<D>,
 {
@@ -213,7 +213,7 @@ where
 }
 
 /// Unit vectors that belong to nodes.
-type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
+pub(super) type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
 /// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
@@ -263,7 +263,7 @@ where
 }
 
 /// The contact places of a pair, and its data so far.
-type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
+pub(super) type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
 impl<const D: usize> Pair<D>
 where
@@ -556,8 +556,10 @@ where
         let preloads = self.preloads.iter().zip(&self.sections);
         let preloads = preloads.map(|(one, section)| Ok(one.find(body.mesh, section, &units)));
         let couplings = (self.couplings.iter()).map(|coupling| coupling.find(body, &units));
+        let cyclics = (self.cyclics.iter()).map(|cyclic| cyclic.find(body, &sliding.held));
         let found = pairs.chain(equals).chain(springs);
-        for (number, found) in found.chain(preloads).chain(couplings).enumerate() {
+        let found = found.chain(preloads).chain(couplings).chain(cyclics);
+        for (number, found) in found.enumerate() {
             let (mut places, data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
             let before = places_of_all.len() as u32;

@@ -69,6 +69,8 @@ pub enum EntityKind {
     Preload,
     /// Nodes that move with a point.
     Coupling,
+    /// Sectors.
+    Cyclic,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -199,6 +201,7 @@ impl EntityKind {
             Self::Spring => ["spring", "spring", "springs"],
             Self::Preload => ["preload", "preload", "preloads"],
             Self::Coupling => ["coupling", "coupling", "couplings"],
+            Self::Cyclic => ["cyclic", "cyclic symmetry", "cyclic symmetries"],
             Self::Thickness => ["analysis.thickness", "thickness", "thickness"],
             Self::Gravity => ["analysis.gravity", "gravity", "gravity"],
             Self::Steps => ["steps", "load steps", "load steps"],

@@ -30,11 +30,12 @@ pub(crate) use meeting::Touch;
 use std::array::from_fn;
 
 /// What is not known yet where displacements are large.
-const SMALL: [EntityKind; 4] = [
+const SMALL: [EntityKind; 5] = [
     EntityKind::Foundation,
     EntityKind::Spring,
     EntityKind::Preload,
     EntityKind::Coupling,
+    EntityKind::Cyclic,
 ];
 
 /// Loads, supports and obstacles at a time.
@@ -187,7 +188,7 @@ where
         };
         if let Some((number, part)) = self.parts().find(small) {
             return Err(part.entity(number).error(
-                "foundations, springs, preloads and couplings need geometry = \"small\": where displacements are large they are not known yet",
+                "foundations, springs, preloads, couplings and sectors need geometry = \"small\": where displacements are large they are not known yet",
             ));
         }
         if self.analysis.rotation.is_some() {

@@ -147,7 +147,7 @@ impl<const D: usize> Preload<D> {
         self
     }
 
-    /// Whether a load step locks it, before which the force was largest first in this one.
+    /// Whether it is locked in a load step, counted from 0; the force is largest first in the step `tightened`.
     fn locks(&self, step: usize, tightened: usize) -> bool {
         match &self.lock {
             None => false,

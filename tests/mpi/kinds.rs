@@ -341,6 +341,33 @@ name = "bolt"
 factors = [0.5, 1, 1]
 "#;
 
+/// A quarter of a block that is turned three times about the edge on the z axis: the sides have different cells.
+const WHEEL: &str = r#"
+title = "a quarter of a wheel"
+[[mesh.part]]
+name = "wheel"
+box = { size = [1, 1, 0.5], cells = [5, 4, 3] }
+[[material]]
+young = 1e9
+poisson = 0.3
+[[cyclic]]
+low = "wheel-front"
+high = "wheel-left"
+axis = { point = [0, 0, 0], direction = [0, 0, 1] }
+sectors = 4
+[[contact]]
+boundary = "wheel-bottom"
+obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }
+friction = { coulomb = 0.4 }
+[[traction]]
+boundary = "wheel-top"
+z = "-1e6 * (1 + x)"
+[[traction]]
+boundary = "wheel-right"
+y = 5e4
+x = -1e5
+"#;
+
 /// Two blocks of quadrilaterals, one above the other, with sets of nodes.
 fn blocks() -> String {
     let (mut nodes, mut elements) = ("*NODE\n".to_owned(), String::new());
@@ -394,7 +421,7 @@ fn blocks() -> String {
 
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
-    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT] {
+    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT, WHEEL] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }
 }

@@ -955,6 +955,45 @@ fn nodes_move_with_a_reference_node() {
     }
 }
 
+/// A quarter of a ring, warmer by 100: it grows as the whole does.
+#[test]
+fn a_sector_of_a_ring() {
+    let mut text = "*HEADING\nring\n*NODE\n".to_owned();
+    for (i, r) in [1.0, 1.5, 2.0].into_iter().enumerate() {
+        for j in 0..4 {
+            let angle = std::f64::consts::FRAC_PI_2 * f64::from(j) / 3.0;
+            text += &format!(
+                "{},{},{}\n",
+                10 * i + j as usize + 1,
+                r * angle.cos(),
+                r * angle.sin()
+            );
+        }
+    }
+    text += "*ELEMENT,TYPE=CPS4,ELSET=Eall\n1,1,11,12,2\n2,2,12,13,3\n3,3,13,14,4\n4,11,21,22,12\n5,12,22,23,13\n6,13,23,24,14\n\
+        *NSET,NSET=Nlow\n1,11,21\n*NSET,NSET=Nhigh\n4,14,24\n*NSET,NSET=Nall,GENERATE\n1,24\n\
+        *SURFACE,NAME=Slow,TYPE=NODE\nNlow\n*SURFACE,NAME=Shigh,TYPE=NODE\nNhigh\n\
+        *TIE,CYCLIC SYMMETRY,NAME=sector,POSITION TOLERANCE=0.01\nShigh,Slow\n\
+        *CYCLIC SYMMETRY MODEL,N=4,TIE=sector,NGRAPH=1\n0.,0.,0.,0.,0.,1.\n\
+        *MATERIAL,NAME=soft\n*ELASTIC\n200.,0.3\n*EXPANSION\n1e-5\n*SOLID SECTION,ELSET=Eall,MATERIAL=soft\n1.\n\
+        *BOUNDARY\n1,2\n";
+    text += STATIC;
+    text += "*TEMPERATURE\nNall,100.\n*DLOAD\n1,P4,1.\n2,P4,1.\n3,P4,1.\n4,P2,1.\n5,P2,1.\n6,P2,1.\n*END STEP\n";
+    let deck = read(&text, &[], &[]).or_panic();
+    let u = &displacements(&built(&deck))[0];
+    let growth = 1e-3 - 0.7 / 200.0;
+    for (i, r) in [1.0, 1.5, 2.0].into_iter().enumerate() {
+        assert!((u[4 * i][0] - growth * r).abs() < 1e-8, "{u:?}");
+        assert!((u[4 * i + 3][1] - growth * r).abs() < 1e-8, "{u:?}");
+    }
+    let without = text.replace("TIE=sector", "TIE=other");
+    let error = read(&without, &[], &[]).expect_err("no sectors");
+    assert!(
+        error.contains("no *CYCLIC SYMMETRY MODEL belongs to it"),
+        "{error}"
+    );
+}
+
 /// Two squares, one pressed on the other by δ and then pushed along: without friction, with it, and with the pair taken away.
 #[test]
 fn contacts_and_friction_change_with_the_steps() {

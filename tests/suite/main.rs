@@ -19,6 +19,7 @@ mod coulomb;
 mod coulomb_space;
 mod counts;
 mod couplings;
+mod cyclic;
 mod decks;
 mod elastic;
 mod equal;

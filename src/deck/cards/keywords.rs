@@ -47,7 +47,7 @@ pub(super) const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Reasons to refuse keywords that decks often have.
-pub(super) const REASONS: [(&str, &str); 31] = [
+pub(super) const REASONS: [(&str, &str); 30] = [
     ("BEAM SECTION", "beams are not supported"),
     ("BUCKLE", "buckling analysis is not supported"),
     (
@@ -63,7 +63,6 @@ pub(super) const REASONS: [(&str, &str); 31] = [
         "CYCLIC HARDENING",
         "only linear-elastic materials are supported",
     ),
-    ("CYCLIC SYMMETRY MODEL", "cyclic symmetry is not supported"),
     ("DASHPOT", "dampers are not supported"),
     (
         "DEFORMATION PLASTICITY",

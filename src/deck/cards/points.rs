@@ -1,7 +1,7 @@
-//! Reference nodes: couplings, rigid bodies, and sections of bolts.
+//! Reference nodes: couplings, rigid bodies, and sections of bolts; sectors.
 
-use super::{Result, component, numbers};
-use crate::deck::said::{CouplingCard, PretensionCard, Said};
+use super::{Result, component, numbers, value};
+use crate::deck::said::{CouplingCard, PretensionCard, Said, SectorCard};
 use crate::mesh::abaqus::index::Card;
 use crate::mesh::abaqus::keyword::{Keyword, entries, plain};
 
@@ -126,6 +126,35 @@ impl<'a> Said<'a> {
             surface: Self::needs(k, "SURFACE")?,
             reference: Self::needs(k, "NODE")?,
             normal,
+        });
+        Ok(())
+    }
+}
+
+impl<'a> Said<'a> {
+    /// The axis and the number of sectors of a tie.
+    pub(super) fn sectors(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        self.only(k, &["N", "TIE", "ELSET", "NGRAPH", "CHECK"]);
+        let sectors = value(k.line, Self::needs(k, "N")?)?;
+        if !(sectors >= 2.0 && sectors.fract() == 0.0 && sectors < 1e9) {
+            let text =
+                format!("*CYCLIC SYMMETRY MODEL: N is {sectors}: it must be a whole number from 2");
+            return Err((k.line, text));
+        }
+        let axis = match card.data.first() {
+            Some(&(line, text)) => <[f64; 6]>::try_from(numbers(line, text)?).ok(),
+            None => None,
+        };
+        let Some(axis) = axis else {
+            let text = "*CYCLIC SYMMETRY MODEL needs two points of the axis";
+            return Err((k.line, text.to_owned()));
+        };
+        self.sectors.push(SectorCard {
+            line: k.line,
+            sectors: sectors as u32,
+            tie: k.option("TIE"),
+            axis,
         });
         Ok(())
     }

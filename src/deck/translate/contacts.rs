@@ -3,13 +3,18 @@
 use super::{Result, Translation, with_factors};
 use crate::deck::adjust::{Adjustment, Moved};
 use crate::deck::history::factors;
-use crate::deck::said::{Adjust, Interaction, PairCard};
+use crate::deck::said::{Adjust, Interaction, PairCard, TieCard};
 use crate::mesh::abaqus::keyword::key;
-use crate::model::Pair;
+use crate::model::{Axis, Cyclic, Pair};
+use std::array::from_fn;
 
 impl<const D: usize> Translation<'_, '_, D> {
     pub(super) fn contacts(&mut self) -> Result<()> {
         for tie in &self.said.ties {
+            if tie.cyclic {
+                self.sector(tie)?;
+                continue;
+            }
             self.tie(tie.line, tie.name, [tie.slave, tie.master], tie.tolerance)?;
         }
         for pair in &self.said.pairs {
@@ -163,6 +168,42 @@ impl<const D: usize> Translation<'_, '_, D> {
         let values = self.by_step(interaction.friction.unwrap_or(0.0), &changes);
         let (largest, of_steps) = factors(&values);
         (Some(largest).filter(|&mu| mu > 0.0), of_steps)
+    }
+
+    /// The sides of a sector.
+    fn sector(&mut self, tie: &TieCard) -> Result<()> {
+        let same = |name: &str| tie.name.is_some_and(|own| key(own) == key(name));
+        let mut cards = self.said.sectors.iter();
+        let Some(card) = cards.find(|card| card.tie.is_none_or(same)) else {
+            let text = "*TIE, CYCLIC SYMMETRY: no *CYCLIC SYMMETRY MODEL belongs to it";
+            return Err((tie.line, text.to_owned()));
+        };
+        let mut sides = Vec::new();
+        for side in [tie.master, tie.slave] {
+            let surface = self.index.surface(tie.line, side)?;
+            if let Some(nodes) = &surface.nodes {
+                self.index.add_nodes(&surface.name, nodes);
+            }
+            sides.push(surface.name);
+        }
+        let [low, high] = &sides[..] else {
+            unreachable!("there are two sides");
+        };
+        let (from, to) = card.axis.split_at(3);
+        let direction = from_fn(|c| to[c] - from[c]);
+        if D == 2 && direction[..2] != [0.0; 2] {
+            let text = "*CYCLIC SYMMETRY MODEL: in the plane the axis is along z";
+            return Err((card.line, text.to_owned()));
+        }
+        let axis = Axis::through(from_fn(|c| from[c]), (D == 3).then_some(direction));
+        let cyclic = Cyclic::between(low, high, axis, card.sectors);
+        let cyclic = match tie.name {
+            Some(name) => cyclic.named(name),
+            None => cyclic,
+        };
+        self.comes_from(tie.line, "cyclic");
+        self.definition.cyclics.push(cyclic);
+        Ok(())
     }
 
     fn tie(

@@ -1,0 +1,180 @@
+//! Cyclic symmetry: a sector of a body that repeats itself about an axis.
+//!
+//! Displacements on one side of the sector are those on the other one, turned. The turned side is the boundary of a turned copy of the
+//! mesh, to which the mortar method ties the other side; the nodes of the copy are those of the mesh with turned displacements.
+
+use super::axis::Axis;
+use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, largest_facet};
+use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
+use super::error::{EntityKind, Fault};
+use super::loads::outer_facets;
+use super::stated::Flaw;
+use crate::contact::{ContactError, ContactPlace, Friction, PairOptions, Space, mortar_contact};
+use crate::elasticity::Body;
+use crate::mesh::structured::join;
+use crate::mesh::vector::{dot, minus};
+use crate::mesh::{ElementKind, Facet};
+use serde::{Deserialize, Serialize};
+use std::array::from_fn;
+use std::f64::consts::TAU;
+
+/// Both sides of a sector, one of several equal ones about an axis. Bodies, loads, supports and contacts are those of one sector.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cyclic<const D: usize = 2> {
+    name: Option<String>,
+    low: Names,
+    high: Names,
+    axis: Axis<D>,
+    sectors: u32,
+}
+
+with_a_name!(Cyclic);
+
+impl<const D: usize> Cyclic<D> {
+    /// Boundaries on both sides of one of these sectors about an axis. Meshes of the sides need not match.
+    pub fn between(
+        low: impl Into<Names>,
+        high: impl Into<Names>,
+        axis: Axis<D>,
+        sectors: u32,
+    ) -> Self {
+        Self {
+            name: None,
+            low: low.into(),
+            high: high.into(),
+            axis,
+            sectors,
+        }
+    }
+}
+
+impl<const D: usize> Part for Cyclic<D> {
+    fn facts(&self) -> Facts<'_> {
+        Facts {
+            kind: EntityKind::Cyclic,
+            name: self.name.as_deref(),
+            place: format!("from \"{}\" to \"{}\"", self.low, self.high),
+            factors: Vec::new(),
+        }
+    }
+
+    fn fault(&self) -> Option<Flaw> {
+        if self.low.all().is_empty() || self.high.all().is_empty() {
+            return Some(NO_BOUNDARY.into());
+        }
+        if self.sectors < 2 {
+            let text = format!("sectors is {}: a body has at least two", self.sectors);
+            return Some(Flaw::of("sectors", text));
+        }
+        self.axis.fault().map(|text| Flaw::of("axis", text))
+    }
+}
+
+impl<const D: usize> Cyclic<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Its places, on the side `high`; `held` has the directions along which nodes are held.
+    pub(super) fn find(&self, body: &Body<D>, held: &Directions<D>) -> Result<Found<D>, Fault> {
+        let low = outer_facets(body.mesh, self.low.all())?;
+        let high = outer_facets(body.mesh, self.high.all())?;
+        let angle = TAU / f64::from(self.sectors);
+        // Which side is first about the axis, the mesh tells.
+        let found = match self.tied(body, [&low, &high], held, angle) {
+            Err(ContactError::Apart { .. }) => self.tied(body, [&low, &high], held, -angle),
+            found => found,
+        };
+        let places = found.map_err(|error| match error {
+            ContactError::Apart { nearest, .. } => Fault::Stated(format!(
+                "no part of \"{}\", turned by 360/{} degrees about {}, lies on \"{}\"; they are at least {nearest:.3e} apart: check the \
+                 axis and the number of sectors",
+                self.low, self.sectors, self.axis, self.high
+            )),
+            error => Fault::Contact(error),
+        })?;
+        let data = PairData {
+            tied: true,
+            ..PairData::between(
+                EntityKind::Cyclic,
+                &self.name,
+                self.high.to_string(),
+                self.low.to_string(),
+                format!("one of {} sectors about {}", self.sectors, self.axis),
+            )
+        };
+        Ok((places, data))
+    }
+
+    /// The places of `high` tied to `low` after a turn by an angle.
+    fn tied(
+        &self,
+        body: &Body<D>,
+        [low, high]: [&[Facet<D>]; 2],
+        held: &Directions<D>,
+        angle: f64,
+    ) -> Result<Vec<ContactPlace<D>>, ContactError> {
+        let n = body.mesh.nodes.len() as u32;
+        let origin = [0.0; D];
+        let start = self.axis.turned(origin, angle);
+        let turned = |v: [f64; D]| minus(self.axis.turned(v, angle), start);
+        let mut copy = body.mesh.clone();
+        copy.place_nodes(|x| self.axis.turned(x, angle));
+        copy.rename(
+            |name| format!("{name} turned"),
+            |name| format!("{name} turned"),
+        );
+        let both = join(body.mesh.clone(), copy);
+        let opposite: Vec<Facet<D>> = low
+            .iter()
+            .map(|facet| {
+                let mut facet = *facet;
+                facet.as_mut().iter_mut().for_each(|node| *node += n);
+                facet
+            })
+            .collect();
+        let of_copy = held.iter().map(|(node, ways)| {
+            let ways = ways.iter().map(|way| turned(*way));
+            (node + n, ways.collect::<Vec<_>>())
+        });
+        let held = held.clone().into_iter().chain(of_copy).collect();
+        let options = PairOptions {
+            friction: Friction::Tied,
+            gap: Some(&|_| 0.0),
+            held: Some(&held),
+            search_distance: Some(TIE_DISTANCE * largest_facet(body.mesh, high)),
+            ..PairOptions::default()
+        };
+        let materials = [body.materials, body.materials].concat();
+        let of_both = Body {
+            mesh: &both,
+            materials: &materials,
+            ..*body
+        };
+        let found = mortar_contact(&of_both, high, &opposite, &options)?;
+        Ok((found.places.into_iter())
+            .map(|place| {
+                let own: Vec<[Vec<(u32, f64)>; 2]> = (0..D)
+                    .map(|a| [place.sides(a)[0].to_vec(), Vec::new()])
+                    .collect();
+                let further = (0..D).map(|a| {
+                    let way = place.frame[a];
+                    let partners = place.sides(a)[1].iter();
+                    let terms = partners.map(|&(node, weight)| {
+                        // way · R u, where u is the displacement of the node before the turn.
+                        let back =
+                            from_fn(|c| dot(way, turned(from_fn(|d| f64::from(u8::from(c == d))))));
+                        (node - n, back.map(|v| -weight * v))
+                    });
+                    terms.collect()
+                });
+                ContactPlace {
+                    further: further.collect(),
+                    directed: own,
+                    partners: Vec::new(),
+                    ..place
+                }
+            })
+            .collect())
+    }
+}
