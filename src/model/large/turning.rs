@@ -9,8 +9,7 @@
 //! ```
 //!
 //! with ∇ along the surface: the second derivative of the gap by the motions, times p. It is symmetric, no term couples one side
-//! to the other, and it has the
-//! pattern of K. Where both sides stick to each other the two parts cancel.
+//! to the other, and it has the pattern of K. Where both sides stick to each other the two parts cancel.
 
 use super::super::contacts::PairData;
 use super::super::elastic::Elastic;
