@@ -33,6 +33,7 @@ shrink-fit contact-002 shrink-fit-contact
 brake deformed-003 brake
 ball-joint contact-003 ball-joint
 ironing deformed-003 ironing
+snap-fit deformed-004 snap-fit
 bracket-3d deformed bracket-3d
 ball deformed ball
 END

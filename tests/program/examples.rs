@@ -5,7 +5,7 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 14] = [
+const TEMPLATES: [&str; 15] = [
     "stack",
     "press",
     "cylinder",
@@ -19,6 +19,7 @@ const TEMPLATES: [&str; 14] = [
     "brake",
     "ball-joint",
     "ironing",
+    "snap-fit",
     "matrices/block",
 ];
 
