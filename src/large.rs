@@ -34,10 +34,10 @@ const PRESSED: f64 = 0.1;
 /// The tolerance of an inner problem over the present violation: 0.5 takes twice the iterations.
 const INNER: f64 = 0.01;
 /// Sets that have alternated take half a step where the violation has not become smaller than this part of what it was two iterations
-/// before: without half steps a tool dragged over rubber was stuck at 1e-2, and three of ten load steps failed.
+/// before: without half steps the tool of `examples/ironing.toml` did not come to its end at four of eight depths from 1.5 to 3.25 mm.
 const STUCK: f64 = 0.5;
-/// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with closed contact with obstacles as stiff as
-/// the bodies, and a hundred times stiffer; without stresses that soften the bodies.
+/// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with obstacles that press as
+/// stiff as the bodies, and a hundred times stiffer; without stresses that soften the bodies.
 const HELP: [Help; 5] = {
     const fn help(turning: bool, held: f64) -> Help {
         Help {
