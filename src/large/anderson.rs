@@ -1,6 +1,6 @@
 //! Anderson's acceleration (1965) of a fixed point iteration x ↦ g(x), in the form of Walker and Ni (2011).
 //!
-//! Contact forces between bodies turn and move with both of them, which the tangent leaves out: iterations converge linearly.
+//! Contact forces between bodies turn and move with both of them, and the tangent has only a part of it: iterations converge linearly.
 //! The next point is the combination of the last ones whose residuals g(x) − x add up to least.
 
 use crate::dense::least_squares;

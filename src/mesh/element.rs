@@ -331,6 +331,9 @@ pub trait Topology<const D: usize> {
     /// The outward unit normal of a facet with its nodes at x, at each of these.
     fn normals_at_nodes(x: &[[f64; D]]) -> Vec<[f64; D]>;
 
+    /// At each node of a facet with its nodes at x, the derivatives of all its shape functions along the surface.
+    fn slopes_at_nodes(x: &[[f64; D]]) -> Vec<Vec<[f64; D]>>;
+
     /// The length (area) of a facet with its nodes at x, and its mean outward unit normal.
     fn facet_normal(x: &[[f64; D]]) -> (f64, [f64; D]);
 }

@@ -1,7 +1,8 @@
 //! The plane: its kinds of elements, and the geometry of edges.
 
 use super::shape::{
-    FacetPoint, Quad, Quad8, Quad9, Triangle, Triangle6, Visit, edge_at, edge_integration,
+    FacetPoint, FacetShape, Quad, Quad8, Quad9, Triangle, Triangle6, Visit, edge_at,
+    edge_integration,
 };
 use super::vector::{length, minus, unit};
 use super::{ElementKind, Topology};
@@ -40,8 +41,17 @@ impl Topology<2> for ElementKind {
     }
 
     fn normals_at_nodes(x: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let at = [-1.0, 1.0, 0.0];
-        let tangents = at[..x.len()].iter().map(|&xi| edge_at(x, xi).tangents[0]);
+        let tangents = at_nodes(x).map(|at| at.tangents[0]);
         tangents.map(|[dx, dy]| unit([dy, -dx])).collect()
     }
+
+    fn slopes_at_nodes(x: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+        at_nodes(x).map(|at| at.slopes(x.len())).collect()
+    }
+}
+
+/// An edge with its nodes at x at each of these.
+fn at_nodes(x: &[[f64; 2]]) -> impl Iterator<Item = FacetShape<1, 2>> {
+    let at = [-1.0, 1.0, 0.0];
+    at.into_iter().take(x.len()).map(|xi| edge_at(x, xi))
 }

@@ -245,8 +245,32 @@ pub(crate) fn face_kind(n_nodes: usize) -> ElementKind {
 /// The data of a facet at a point of its reference element: its shape functions, and the tangents there.
 pub(crate) struct FacetShape<const R: usize, const D: usize> {
     pub shape: [f64; 9],
+    /// Its derivatives by the coordinates of the reference element.
+    pub local: [[f64; R]; 9],
     pub place: [f64; D],
     pub tangents: [[f64; D]; R],
+}
+
+impl<const R: usize, const D: usize> FacetShape<R, D> {
+    /// The derivatives of the shape functions of the first nodes along the surface.
+    pub fn slopes(&self, n_nodes: usize) -> Vec<[f64; D]> {
+        // With tangents aⱼ and ∂φ/∂ξⱼ it is Σ (G⁻¹)ⱼₗ ∂φ/∂ξⱼ aₗ, G = aⱼ·aₗ.
+        let a = &self.tangents;
+        let metric: [[f64; R]; R] =
+            std::array::from_fn(|j| std::array::from_fn(|l| dot(a[j], a[l])));
+        let inverse: [[f64; R]; R] = match R {
+            1 => [[1.0 / metric[0][0]; R]; R],
+            _ => {
+                let (rows, det) = cofactors(metric);
+                rows.map(|row| row.map(|v| v / det))
+            }
+        };
+        let slope = |local: &[f64; R]| -> [f64; D] {
+            let parts = inverse.map(|row| dot(row, *local));
+            std::array::from_fn(|c| (0..R).map(|j| parts[j] * a[j][c]).sum())
+        };
+        self.local[..n_nodes].iter().map(slope).collect()
+    }
 }
 
 /// The shape of a face with its nodes at x at a point of the reference triangle or square.
@@ -258,10 +282,12 @@ impl Visit<2> for FaceAt<'_> {
     #[inline]
     fn visit<E: ShapeFunctions<2, N, Q>, const N: usize, const Q: usize>(self) -> FacetShape<2, 3> {
         let (of_nodes, local) = E::shapes(self.1);
-        let mut shape = [0.0; 9];
+        let (mut shape, mut slopes) = ([0.0; 9], [[0.0; 2]; 9]);
         shape[..N].copy_from_slice(&of_nodes);
+        slopes[..N].copy_from_slice(&local);
         FacetShape {
             shape,
+            local: slopes,
             place: sum(&of_nodes, self.0),
             tangents: tangents(&local, self.0),
         }

@@ -1,8 +1,9 @@
 //! Space: its kinds of elements, and the geometry of faces.
 
 use super::shape::{
-    FaceAt, FacetPoint, Hexahedron, Hexahedron20, Hexahedron27, Pyramid, ShapeFunctions,
-    Tetrahedron, Tetrahedron10, Visit, Wedge, Wedge15, Wedge18, face_kind, sum, tangents,
+    FaceAt, FacetPoint, FacetShape, Hexahedron, Hexahedron20, Hexahedron27, Pyramid,
+    ShapeFunctions, Tetrahedron, Tetrahedron10, Visit, Wedge, Wedge15, Wedge18, face_kind, sum,
+    tangents,
 };
 use super::vector::{cross, length, minus, unit};
 use super::{ElementKind, Topology};
@@ -46,24 +47,29 @@ impl Topology<3> for ElementKind {
     }
 
     fn normals_at_nodes(x: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        struct Nodes;
-        impl Visit<2> for Nodes {
-            type Output = Vec<[f64; 2]>;
-            fn visit<E: ShapeFunctions<2, N, Q>, const N: usize, const Q: usize>(
-                self,
-            ) -> Vec<[f64; 2]> {
-                E::NODES.to_vec()
-            }
-        }
-        let kind = face_kind(x.len());
-        let nodes = Topology::<2>::with(kind, Nodes).into_iter();
-        nodes
-            .map(|at| {
-                let [s, t] = Topology::<2>::with(kind, FaceAt(x, at)).tangents;
-                unit(cross(s, t))
-            })
-            .collect()
+        let tangents = at_nodes(x).map(|at| at.tangents);
+        tangents.map(|[s, t]| unit(cross(s, t))).collect()
     }
+
+    fn slopes_at_nodes(x: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
+        at_nodes(x).map(|at| at.slopes(x.len())).collect()
+    }
+}
+
+/// A face with its nodes at x at each of these.
+fn at_nodes(x: &[[f64; 3]]) -> impl Iterator<Item = FacetShape<2, 3>> {
+    struct Nodes;
+    impl Visit<2> for Nodes {
+        type Output = Vec<[f64; 2]>;
+        fn visit<E: ShapeFunctions<2, N, Q>, const N: usize, const Q: usize>(
+            self,
+        ) -> Vec<[f64; 2]> {
+            E::NODES.to_vec()
+        }
+    }
+    let kind = face_kind(x.len());
+    let nodes = Topology::<2>::with(kind, Nodes).into_iter();
+    nodes.map(move |at| Topology::<2>::with(kind, FaceAt(x, at)))
 }
 
 /// Passes the integration points of a face, with the normal and the area of its curved surface at each.

@@ -5,6 +5,7 @@
 //! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
 
 mod meeting;
+mod turning;
 
 use super::Definition;
 use super::build::problem_of;
@@ -103,7 +104,7 @@ impl LooseBody {
 pub(crate) struct Help {
     /// Whether pressures and contact forces that turn with their surface have a part in it.
     pub turning: bool,
-    /// The stiffness of closed contact, over the mean diagonal of K: the solution stays the same, as the gap is zero there.
+    /// The stiffness of closed contact with obstacles, over the mean diagonal of K: the solution stays the same, as the gap is zero there.
     pub held: f64,
     /// Whether it is made without stresses that soften bodies: it is definite then, and steps are short where these matter.
     pub stiffened: bool,
@@ -376,6 +377,7 @@ where
 
         let moved = self.moved(u);
         let met = self.meeting(&moved, before, [from, to], now, first)?;
+        self.turns(&moved, &met, &mut turning);
         let places: Vec<ContactPlace<D>> =
             (met.touches.iter().map(|touch| touch.place.clone())).collect();
         let failed = |error| Entity::all(EntityKind::Contact).error(Fault::Contact(error));

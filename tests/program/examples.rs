@@ -5,7 +5,7 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 15] = [
+const TEMPLATES: [&str; 16] = [
     "stack",
     "press",
     "cylinder",
@@ -20,6 +20,7 @@ const TEMPLATES: [&str; 15] = [
     "ball-joint",
     "ironing",
     "bolted-flange",
+    "snap-fit",
     "matrices/block",
 ];
 

@@ -2,7 +2,8 @@
 //! of averaged normals of the slave boundary.
 
 use super::{
-    CONVERGED, Cover, IntegrationPoint, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet, Vertex,
+    CONVERGED, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+    Vertex,
 };
 use crate::contact::transformed::Transformed;
 use crate::mesh::shape::{LINE8, edge_at, edge_points, sum};
@@ -258,11 +259,17 @@ fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment>
     let mut segments: Vec<Segment> = Vec::new();
     for cut in cuts.windows(2) {
         let middle = 0.5 * (cut[0] + cut[1]);
-        let (x, n) = edge.at(middle);
+        // Where normals meet in front of the other edge, its ends may be projected by a root of no meaning: rays miss it then.
+        let meets = |s: f64, other: &MasterFacet<2>| {
+            let (x, n) = edge.at(s);
+            let (t, gap) = meet(x, n, other.places());
+            (-MISSED..=1.0 + MISSED).contains(&t).then_some(gap)
+        };
         let nearest = covers
             .iter()
             .filter(|&&(_, a, b)| a < middle && middle < b)
-            .map(|&(other, ..)| (other, meet(x, n, near[other].places()).1))
+            .filter(|&&(other, ..)| cut.iter().all(|&s| meets(s, &near[other]).is_some()))
+            .filter_map(|&(other, ..)| Some((other, meets(middle, &near[other])?)))
             .filter(|(_, gap)| gap.abs() <= distance)
             .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         if let Some((other, _)) = nearest {

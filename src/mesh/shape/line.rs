@@ -6,20 +6,21 @@ use crate::mesh::vector::{length, unit};
 
 /// The shape functions of an edge with its nodes at x, the tangent ∂x/∂ξ and the place at a point of (−1, 1).
 pub(crate) fn edge_at(x: &[[f64; 2]], xi: f64) -> FacetShape<1, 2> {
-    let mut shape = [0.0; 9];
-    let tangents = if x.len() == 2 {
-        let (of_nodes, local) = product(&[[-1.0], [1.0]], linear, [xi]);
+    let (mut shape, mut local) = ([0.0; 9], [[0.0]; 9]);
+    if x.len() == 2 {
+        let (of_nodes, slopes) = product(&[[-1.0], [1.0]], linear, [xi]);
         shape[..2].copy_from_slice(&of_nodes);
-        tangents(&local, x)
+        local[..2].copy_from_slice(&slopes);
     } else {
-        let (of_nodes, local) = product(&[[-1.0], [1.0], [0.0]], quadratic, [xi]);
+        let (of_nodes, slopes) = product(&[[-1.0], [1.0], [0.0]], quadratic, [xi]);
         shape[..3].copy_from_slice(&of_nodes);
-        tangents(&local, x)
-    };
+        local[..3].copy_from_slice(&slopes);
+    }
     FacetShape {
         place: sum(&shape, x),
+        tangents: tangents(&local, x),
         shape,
-        tangents,
+        local,
     }
 }
 

@@ -129,7 +129,7 @@ fn foot<const D: usize>(obstacle: &Obstacle<D>, x: [f64; D]) -> (f64, [f64; D], 
 }
 
 /// Of the places of a pair, in the order of pairs.
-fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touch<D>] {
+pub(super) fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touch<D>] {
     let begin = touches.partition_point(|touch| touch.pair < pair);
     let end = touches.partition_point(|touch| touch.pair <= pair);
     &touches[begin..end]
@@ -201,6 +201,11 @@ where
     /// Whether there are pairs whose places are made again at each configuration.
     pub(crate) fn slides_anywhere(&self) -> bool {
         self.pairs.iter().any(PairData::slides)
+    }
+
+    /// Whether there are rigid obstacles.
+    pub(crate) fn meets_obstacles(&self) -> bool {
+        self.pairs.iter().any(|pair| pair.obstacle.is_some())
     }
 
     /// A place without forces and slip.

@@ -376,7 +376,7 @@ fn an_indenter_is_dragged_over_a_slab() {
         for end in &ends {
             assert_eq!(end.status, Status::Converged);
             assert_eq!(end.parts, 1);
-            assert!(end.iterations <= 22, "{}", end.iterations);
+            assert!(end.iterations <= 18, "{}", end.iterations);
         }
         [ends[0].force(), ends[steps].force()]
     };

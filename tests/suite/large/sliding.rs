@@ -1,0 +1,341 @@
+//! Two bodies that slide over each other, against closed forms, small displacements and finer meshes.
+
+use super::elements::{cross, length, minus, plus, turned};
+use super::{End, neo_hooke, solved};
+use signorini::elasticity::{Hyperelastic, Material, Plane};
+use signorini::engine::Stiffness::Cholesky;
+use signorini::mesh::Mesh;
+use signorini::mesh::structured::{CellShape, join, rectangle};
+use signorini::mesh::{Element, MeshParts};
+use signorini::model::{Axis, Model, Pair, Support};
+use signorini::ssnm::Status;
+use std::f64::consts::PI;
+
+/// Every step has converged, in one part; the mean number of iterations is at most this.
+fn assert_quick(ends: &[End<2>], most: f64) {
+    for (step, end) in ends.iter().enumerate() {
+        assert_eq!(end.status, Status::Converged, "step {step}");
+        assert_eq!(end.parts, 1, "step {step}");
+    }
+    let all: usize = ends.iter().map(|end| end.iterations).sum();
+    let mean = all as f64 / ends.len() as f64;
+    assert!(mean <= most, "{mean} iterations a load step");
+}
+
+/// A cell mesh with its own names of sides.
+fn part(low: [f64; 2], size: [f64; 2], cells: [usize; 2], name: &str) -> Mesh {
+    let prefix = format!("{name}-");
+    rectangle(low, size, cells, CellShape::Quad, name, &prefix)
+}
+
+/// A shaft is pushed into a bore of its length: the force grows by μ p π d a length, with Lamé's p. While parts of either stick out, they
+/// add a constant force at the ends of the contact. Without lateral contraction the push does not change p.
+#[test]
+fn a_shaft_is_pushed_into_a_bore() {
+    let (inner, outer, length, over, chamfer) = (0.5, 1.1, 10.0, 1e-3, 0.25);
+    let coulomb = 0.1;
+    let hub = part([1.0, 0.0], [outer - 1.0, length], [1, 100], "hub");
+    let mut shaft = part([inner, 0.0], [1.0 - inner, length], [3, 80], "shaft");
+    let mut tip = part([inner, -chamfer], [1.0 - inner, chamfer], [3, 3], "tip");
+    for x in shaft.nodes.iter_mut().chain(&mut tip.nodes) {
+        let part = (x[0] - inner) / (1.0 - inner);
+        // The tip is thinner than the bore by twice the overlap.
+        x[0] += over * part * (1.0 + 3.0 * x[1].min(0.0) / chamfer);
+    }
+    shaft.boundaries.remove("shaft-bottom");
+    tip.boundaries.remove("tip-top");
+    let mut shaft = welded(join(shaft, tip));
+    shaft.shift([0.0, length + chamfer]);
+    let mesh = join(hub, shaft).raised().expect("no pyramids");
+    let steps: Vec<f64> = (1..=20).map(|step| f64::from(step) / 20.0).collect();
+    let model = Model::on(mesh)
+        .large_displacements()
+        .plane(Plane::Axisymmetric)
+        .material(Material::new(1.0, 0.0))
+        .support(Support::on("hub-bottom").y(0.0))
+        .support(Support::on("shaft-top").y(-length - chamfer))
+        .contact(Pair::new(["shaft-right", "tip-right"], "hub-left").coulomb(coulomb))
+        .steps(steps.clone());
+    let ends = solved(model, 1e-8, Cholesky);
+    assert_quick(&ends, 7.0);
+    let gives =
+        |inner: f64, outer: f64| (inner * inner + outer * outer) / (outer * outer - inner * inner);
+    let pressure = over / (gives(1.0, outer) + gives(inner, 1.0));
+    let known = |inside: f64| coulomb * pressure * 2.0 * PI * inside;
+    let beyond = steps.iter().zip(&ends).map(|(step, end)| {
+        let inside = step * (length + chamfer) - chamfer;
+        (end.force()[1] - known(inside)) / known(length)
+    });
+    let beyond: Vec<f64> = beyond.collect();
+    // Of the last step, in which both are flush, and of those before, beside the constant.
+    assert!(beyond[19].abs() < 3e-3, "{beyond:?}");
+    for beyond in &beyond[..19] {
+        assert!((beyond - 0.0213).abs() < 2e-3, "{beyond:?}");
+    }
+}
+
+/// Joins nodes at one place.
+fn welded(mesh: Mesh) -> Mesh {
+    let mut to: Vec<u32> = (0..mesh.nodes.len() as u32).collect();
+    for i in 0..mesh.nodes.len() {
+        let same = |j: &usize| length(minus(mesh.nodes[i], mesh.nodes[*j])) < 1e-9;
+        if let Some(j) = (0..i).find(same) {
+            to[i] = j as u32;
+        }
+    }
+    let elements = mesh.elements.iter().map(|element| {
+        let nodes: Vec<u32> = element
+            .nodes()
+            .iter()
+            .map(|&node| to[node as usize])
+            .collect();
+        Element::new(element.kind(), &nodes, element.region)
+    });
+    let elements = elements.collect();
+    let mut boundaries = mesh.boundaries;
+    for facet in boundaries.values_mut().flatten() {
+        facet.iter_mut().for_each(|node| *node = to[*node as usize]);
+    }
+    Mesh::from_parts(MeshParts {
+        nodes: mesh.nodes,
+        elements,
+        regions: mesh.regions,
+        groups: mesh.groups,
+        boundaries,
+        node_sets: mesh.node_sets,
+        notes: mesh.notes,
+    })
+    .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A round punch of radius R is pressed into a block to a contact half as wide as a = 0.92: where R/a is 100 as with small displacements,
+/// from which the force differs by a/R times a constant, and further up to R/a = 3, as on a finer mesh.
+#[test]
+fn a_punch_is_pressed_in_as_hertz_has_it() {
+    let half = 0.92;
+    let force = |part_of: f64, is_large: bool, fine: usize| {
+        let radius = part_of * half;
+        let low = part([-4.0, -4.0], [8.0, 4.0], [40 * fine, 12 * fine], "low");
+        let mut up = part([-2.0, 0.0], [4.0, 2.0], [26 * fine, 8 * fine], "up");
+        for x in &mut up.nodes {
+            let rise = radius - (radius * radius - x[0] * x[0]).sqrt();
+            x[1] += rise * (1.0 - 0.5 * x[1]);
+        }
+        let model = Model::on(join(low, up))
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .support(Support::on("up-top").x(0.0).y(-0.8 / radius))
+            .contact(Pair::new("up-bottom", "low-top"));
+        let model = if is_large {
+            model.large_displacements()
+        } else {
+            model
+        };
+        let ends = solved(model, 1e-9, Cholesky);
+        assert_quick(&ends, 9.0);
+        ends[0].force()[1]
+    };
+    // E* = E / (2 (1 − ν²)) of two bodies of E = 1.
+    let stiffness = 0.5 / (1.0 - 0.3_f64.powi(2));
+    for (part_of, most) in [(100.0, 1e-3), (30.0, 2e-3), (10.0, 5e-3)] {
+        let [small, large] = [false, true].map(|is_large| force(part_of, is_large, 1));
+        assert!((large / small - 1.0).abs() < most, "{small} {large}");
+        // a² = 4 F R / (π E*).
+        let wide = (4.0 * small * part_of * half / (PI * stiffness)).sqrt();
+        assert!((wide / half - 1.0).abs() < 0.01, "{wide}");
+    }
+    for part_of in [5.0, 3.0] {
+        let [coarse, fine] = [1, 2].map(|fine| force(part_of, true, fine));
+        assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
+    }
+}
+
+/// A ring of elements of second order with these radii.
+fn ring(radii: [f64; 2], cells: [usize; 2], name: &str) -> Mesh {
+    let prefix = format!("{name}-");
+    let mesh = rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix);
+    let mut mesh = mesh.raised().expect("no pyramids");
+    for x in &mut mesh.nodes {
+        let angle = -2.0 * PI * x[0];
+        let radius = radii[0] + (radii[1] - radii[0]) * x[1];
+        *x = [radius * angle.cos(), radius * angle.sin()];
+    }
+    for side in ["left", "right"] {
+        mesh.boundaries.remove(&format!("{prefix}{side}"));
+    }
+    welded(mesh)
+}
+
+/// A hub on a shaft that is too large for it bears a tenth of the torque of slip and turns with it by 360° in twelve steps: the torque is
+/// that of small displacements and stays as it is.
+#[test]
+fn a_hub_turns_with_its_shaft() {
+    let over = 1e-4;
+    // In degrees.
+    let (twist, each) = (5e-4, 30.0);
+    let mesh = join(
+        ring([1.0, 2.0], [40, 5], "hub"),
+        ring([0.5, 1.0 + over], [32, 3], "shaft"),
+    );
+    let torque = |end: &End<2>| -> f64 {
+        let forces = end.nodes.iter().zip(&end.forces);
+        let arms = forces.map(|(&node, force)| {
+            let node = node as usize;
+            cross(plus(mesh.nodes[node], end.displacement[node]), *force)
+        });
+        arms.sum()
+    };
+    let held = |model: Model| {
+        model.material(Material::new(1.0, 0.3)).contact(
+            Pair::new("shaft-top", "hub-bottom")
+                .overlap_as_interference()
+                .coulomb(0.5),
+        )
+    };
+    let along = |c: usize| move |x: [f64; 2]| f64::to_radians(5e-4) * [-x[1], x[0]][c];
+    let model = held(Model::on(mesh.clone()))
+        .support(Support::on("shaft-bottom").fixed())
+        .support(Support::on("hub-top").x(along(0)).y(along(1)));
+    let small = torque(&solved(model, 1e-9, Cholesky)[0]);
+    let centre = Axis::at([0.0; 2]);
+    let behind: Vec<f64> = (0..=12).map(f64::from).collect();
+    let ahead: Vec<f64> = behind.iter().map(|step| step + twist / each).collect();
+    let turned = |side, factors| Support::on(side).turned(centre, each).factors(factors);
+    let model = held(Model::on(mesh.clone()).large_displacements())
+        .steps(vec![1.0; behind.len()])
+        .support(turned("shaft-bottom", behind))
+        .support(turned("hub-top", ahead));
+    let ends = solved(model, 1e-9, Cholesky);
+    assert_quick(&ends, 10.0);
+    let first = torque(&ends[0]);
+    assert!((first / small - 1.0).abs() < 1e-3, "{first} {small}");
+    for end in &ends {
+        let torque = torque(end);
+        assert!((torque / first - 1.0).abs() < 1e-6, "{torque} {first}");
+    }
+}
+
+/// Blocks with meshes that do not match are pressed by a fifth and turned by 30°: their whole border moves as a uniform state does, and so do
+/// all other nodes.
+#[test]
+fn a_pressed_and_turned_patch_is_uniform() {
+    let (angle, pressed) = (30.0, 0.8_f64);
+    let to = move |x: [f64; 2]| turned([x[0], pressed * x[1]], angle);
+    // Lamé's moduli of E = 1, ν = 0.3; the sides are as long as at rest.
+    let (lambda, mu) = (0.3 / (1.3 * 0.4), 1.0 / 2.6);
+    let stress = |law: Hyperelastic| match law {
+        Hyperelastic::NeoHooke => {
+            -(mu * (pressed * pressed - 1.0) + lambda * pressed.ln()) / pressed
+        }
+        Hyperelastic::StVenantKirchhoff => {
+            -pressed * (0.5 * lambda + mu) * (pressed * pressed - 1.0)
+        }
+    };
+    for law in [Hyperelastic::NeoHooke, Hyperelastic::StVenantKirchhoff] {
+        for (shape, second_order) in [
+            (CellShape::Quad, false),
+            (CellShape::Quad, true),
+            (CellShape::Triangle, false),
+            (CellShape::Triangle, true),
+        ] {
+            for coulomb in [0.0, 0.3] {
+                let low = rectangle([0.0; 2], [1.0, 0.5], [8, 4], shape, "low", "low-");
+                let up = rectangle([0.0, 0.5], [1.0, 0.5], [5, 3], shape, "up", "up-");
+                let mesh = join(low, up);
+                let mesh = if second_order {
+                    mesh.raised().expect("no pyramids")
+                } else {
+                    mesh
+                };
+                let material = Material {
+                    law,
+                    ..Material::new(1.0, 0.3)
+                };
+                let pair = Pair::new("up-bottom", "low-top");
+                let pair = if coulomb > 0.0 {
+                    pair.coulomb(coulomb)
+                } else {
+                    pair
+                };
+                let held = [
+                    "low-bottom",
+                    "low-left",
+                    "low-right",
+                    "up-top",
+                    "up-left",
+                    "up-right",
+                ];
+                let model = Model::on(mesh.clone())
+                    .large_displacements()
+                    .material(material)
+                    .support(
+                        Support::on(held)
+                            .x(move |x: [f64; 2]| to(x)[0] - x[0])
+                            .y(move |x: [f64; 2]| to(x)[1] - x[1]),
+                    )
+                    .contact(pair);
+                let end = solved(model, 1e-10, Cholesky).remove(0);
+                assert_eq!(end.status, Status::Converged);
+                assert!(end.iterations <= 16, "{}", end.iterations);
+                for (x, u) in mesh.nodes.iter().zip(&end.displacement) {
+                    let off = length(minus(plus(*x, *u), to(*x)));
+                    assert!(off < 1e-8, "{off:e} at {x:?}");
+                }
+                let force = turned(end.force(), -angle);
+                let off = length(minus(force, [0.0, stress(law)]));
+                assert!(off < 1e-8, "{force:?}");
+            }
+        }
+    }
+}
+
+/// A beam with a nose snaps over a bump and back: the forces on the bump at 40 places of its way.
+fn snapped(fine: usize, coulomb: f64) -> Vec<End<2>> {
+    let curved = |mesh: Mesh| mesh.raised().expect("no pyramids");
+    let mut beam = curved(part([0.0; 2], [10.0, 0.5], [20 * fine, 2 * fine], "beam"));
+    for x in &mut beam.nodes {
+        let from = (x[0] - 9.0).clamp(-1.0, 1.0);
+        x[1] -= 0.15 * (1.0 + (PI * from).cos()) * (1.0 - 2.0 * x[1]);
+    }
+    let mut bump = curved(part([10.5, -1.5], [3.0, 0.9], [9 * fine, 2 * fine], "bump"));
+    for x in &mut bump.nodes {
+        let from = (x[0] - 12.0) / 1.5;
+        x[1] += 0.25 * (1.0 + (PI * from).cos()) * (x[1] + 1.5) / 0.9;
+    }
+    // In and out: 20 places each.
+    let way: Vec<f64> = (1..=20).chain((0..20).rev()).map(f64::from).collect();
+    let model = Model::on(join(beam, bump))
+        .large_displacements()
+        .material(Material::new(1.0, 0.3))
+        .support(Support::on("beam-left").fixed())
+        .support(Support::on("bump-bottom").y(0.0))
+        .support(Support::on("bump-bottom").x(-0.3).factors(way.clone()))
+        .contact(Pair::new("bump-top", "beam-bottom").coulomb(coulomb))
+        .steps(vec![1.0; way.len()]);
+    solved(model, 1e-8, Cholesky)
+}
+
+/// A beam snaps over a bump and back by displacements that are prescribed: forces rise and descend on the way as on a finer mesh, and
+/// without friction they are the same on the way back.
+#[test]
+fn a_beam_snaps_over_a_bump() {
+    let smooth = snapped(2, 0.0);
+    assert_quick(&smooth, 6.0);
+    for (there, back) in smooth[..19].iter().zip(smooth[20..].iter().rev().skip(1)) {
+        assert!(length(minus(there.force(), back.force())) < 1e-12);
+    }
+    let [coarse, fine] = [2, 4].map(|fine| snapped(fine, 0.2));
+    assert_quick(&coarse, 6.0);
+    assert_quick(&fine, 6.0);
+    let most = (fine.iter().map(|end| length(end.force()))).fold(0.0, f64::max);
+    for (coarse, fine) in coarse.iter().zip(&fine) {
+        let off = length(minus(coarse.force(), fine.force())) / most;
+        assert!(off < 0.01, "{off}");
+    }
+    // In and out the nose pushes the bump back, and then on.
+    for (way, against) in [(&fine[..20], 1.0), (&fine[20..], -1.0)] {
+        let forces = way.iter().map(|end| against * end.force()[0] / most);
+        let signs: Vec<bool> = forces.filter(|f| f.abs() > 0.01).map(|f| f > 0.0).collect();
+        assert!(signs.is_sorted_by(|a, b| a >= b), "{signs:?}");
+    }
+}
