@@ -421,7 +421,9 @@ fn blocks() -> String {
 
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
-    for text in [TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT, WHEEL] {
+    for text in [
+        TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT, WHEEL,
+    ] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }
 }
