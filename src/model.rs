@@ -147,7 +147,7 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) cyclics: Vec<Cyclic<D>>,
     /// Of preloads, once the mesh is cut.
     #[serde(skip)]
-    sections: Vec<preload::Section<D>>,
+    pub(crate) sections: Vec<preload::Section<D>>,
     /// None: one step with the factor 1.
     pub(crate) steps: Option<Steps>,
 }

@@ -226,7 +226,7 @@ fn a_locked_force_is_a_shortening() {
     let row: Vec<u32> = (0..nodes)
         .filter(|&node| mesh.nodes[node as usize][1] == 2.0)
         .collect();
-    let surface = row.windows(2).map(|pair| facet::<2>(pair)).collect();
+    let surface = row.windows(2).map(facet::<2>).collect();
     let mut boundaries = mesh.boundaries.clone();
     boundaries.insert("cut".to_owned(), surface);
     let mesh = Mesh::new(mesh.nodes, mesh.elements, mesh.regions, boundaries).or_panic();
@@ -310,7 +310,7 @@ fn refusal(mesh: Mesh, preload: Preload) -> String {
 fn sections_that_do_not_cut_a_bolt_through_are_refused() {
     let mesh = rectangle([0.0, 0.0], [2.0, 4.0], [4, 8], CellShape::Quad, "bolt", "");
     let named = |nodes: &[u32]| {
-        let surface = nodes.windows(2).map(|pair| facet::<2>(pair)).collect();
+        let surface = nodes.windows(2).map(facet::<2>).collect();
         let mut boundaries = mesh.boundaries.clone();
         boundaries.insert("cut".to_owned(), surface);
         let parts = mesh.clone();

@@ -6,13 +6,16 @@ use crate::deck::said::{CouplingCard, Kind, PretensionCard, What};
 use crate::model::{Coupling, Preload};
 use std::collections::BTreeMap;
 
-/// What one component of a reference node has: its number in the constraint, the value at the end of each load step, whether it is a motion.
+/// One component of a reference node: its number in the constraint, and its value at the end of each load step.
 struct Given {
     line: usize,
     component: usize,
     values: Vec<f64>,
     is_motion: bool,
 }
+
+/// The line that fixes a reference node, and the step from which on.
+type Fixed = (usize, usize);
 
 impl<const D: usize> Translation<'_, '_, D> {
     /// Notes the reference nodes, each with the component of its constraint that its first direction is.
@@ -53,11 +56,8 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// The components of reference nodes that have loads or motions. `fixed`: from this step on they stay.
-    fn given(
-        &mut self,
-        references: &[(usize, &str)],
-    ) -> Result<(Vec<Given>, Option<(usize, usize)>)> {
+    /// The components of reference nodes that have loads or motions, and where they are fixed.
+    fn given(&mut self, references: &[(usize, &str)]) -> Result<(Vec<Given>, Option<Fixed>)> {
         let mut nodes: BTreeMap<u32, usize> = BTreeMap::new();
         for &(line, node) in references {
             for node in self.index.nodes(line, node)? {
