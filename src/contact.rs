@@ -231,7 +231,7 @@ pub struct ContactPlace<const D: usize = 2> {
     /// Both sides in the row along each direction of the frame, where nodes of its own side are held; otherwise empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
     /// Further nodes in the row along each direction of the frame, each with the vector that its displacement is multiplied by there:
-    /// of couplings; otherwise empty.
+    /// of couplings and sectors; otherwise empty.
     pub further: Vec<Vec<(u32, [f64; D])>>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)
@@ -404,7 +404,7 @@ pub enum ContactError {
     /// Prescribed displacements move the sides of a tie apart.
     #[error(
         "supports move the sides of the tie at {place} by {apart:.3e} against each other, or against the motion that a coupling \
-         states, and leave neither free to follow: change the prescribed displacements"
+         or a preload states, and leave neither free to follow: change the prescribed displacements"
     )]
     DrivenApart {
         /// The place.

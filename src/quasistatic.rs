@@ -437,6 +437,8 @@ where
             (false, true) => Status::Stagnated,
             (false, false) => status,
         };
+        solution.imbalance.clear();
+        solution.mechanism.clear();
         // The solve that met it has its counts already.
         solution.info = Info {
             iter: 0,

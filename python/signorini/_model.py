@@ -277,7 +277,7 @@ class Model:
         force: float | None = None,
         shortening: float | None = None,
         factors: Sequence[float] | None = None,
-        lock: bool | None = None,
+        lock: bool | Sequence[int] | None = None,
         **more: Any,
     ) -> Model:
         """Tighten a bolt by a `force` in N or a `shortening` in m, at a surface within it or near a plane

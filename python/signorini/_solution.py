@@ -584,7 +584,7 @@ class Solution:
             known |= {key: one[key] for key in ("boundary", "against", "friction")}
             known |= {key: np.array(one[key]) for key in ("force", "moment", "centre")}
             known |= {key: _nan(one[key]) for key in ("normal_force", "tangential_force", "slipping_work", "area")}
-            known |= {key: one[key] for key in ("tension", "shortening") if key in one}
+            known |= {key: _nan(one[key]) for key in ("tension", "shortening") if key in one}
             if "motion" in one:
                 known["motion"] = np.array([_nan(value) for value in one["motion"]])
             contacts[name] = Contact(name=name, **known)

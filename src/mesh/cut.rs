@@ -95,7 +95,10 @@ where
     /// # Errors
     /// A node at which both sides stay connected: there the cut ends within the body.
     pub(crate) fn cut(&mut self, along: &[Between<D>]) -> Result<Cut<D>, Location> {
-        let keys: HashSet<[u32; 4]> = along.iter().map(|one| unsided(&one.facet)).collect();
+        let keys: HashMap<[u32; 4], Facet<D>> = along
+            .iter()
+            .map(|one| (unsided(&one.facet), one.facet))
+            .collect();
         let mut nodes: Vec<u32> = along
             .iter()
             .flat_map(|one| facet_nodes(&one.facet).to_vec())
@@ -120,7 +123,7 @@ where
             for facet in self.elements[element as usize].facets() {
                 let key = unsided(&facet);
                 if let Some(&other) = owner.get(&key)
-                    && !keys.contains(&key)
+                    && !keys.contains_key(&key)
                 {
                     for &node in facet_nodes(&facet).iter().filter(|node| is_cut(node)) {
                         groups.join(number_of[&(node, element)], number_of[&(node, other)]);
@@ -164,19 +167,22 @@ where
             for facet in facets.iter_mut() {
                 let key = unsided(facet);
                 match owner.get(&key) {
-                    _ if keys.contains(&key) => is_along = true,
+                    _ if keys.contains_key(&key) => is_along = true,
                     Some(&element) => renumber(facet.as_mut(), element),
                     None => {}
                 }
             }
             // It is on the outside now: of the side that keeps its nodes.
             if is_along {
-                for one in along {
-                    let key = unsided(&one.facet);
-                    let of_cut = facets.iter_mut().filter(|facet| unsided(*facet) == key);
-                    of_cut.for_each(|facet| *facet = one.facet);
+                for facet in facets.iter_mut() {
+                    if let Some(behind) = keys.get(&unsided(facet)) {
+                        *facet = *behind;
+                    }
                 }
-                if facets.iter().all(|facet| keys.contains(&unsided(facet))) {
+                if facets
+                    .iter()
+                    .all(|facet| keys.contains_key(&unsided(facet)))
+                {
                     self.faults.remove(name);
                 }
             }

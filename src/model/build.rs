@@ -11,7 +11,7 @@ use super::preload::Section;
 use super::{Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
-use crate::mesh::{ElementKind, Mesh, Topology};
+use crate::mesh::{Cut, ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
 use std::collections::HashSet;
@@ -154,7 +154,17 @@ where
         let mut cuts = Vec::new();
         for (number, preload) in definition.preloads.iter().enumerate() {
             let cut = preload.cut(&mut mesh);
-            cuts.push(cut.map_err(|fault| preload.entity(number).error(fault))?);
+            let cut = cut.map_err(|fault| preload.entity(number).error(fault))?;
+            let crosses = |other: &(Cut<D>, _)| {
+                let nodes: HashSet<u32> = other.0.nodes.iter().flatten().copied().collect();
+                cut.0.nodes.iter().any(|[node, _]| nodes.contains(node))
+            };
+            if cuts.iter().any(crosses) {
+                return Err(preload.entity(number).error(
+                    "its section meets that of another preload: sections have no node in common",
+                ));
+            }
+            cuts.push(cut);
         }
         let materials = definition.materials(&mesh)?;
         match definition.is_large() {

@@ -719,6 +719,7 @@ where
         for step in 0..self.n_steps() {
             let factors = (self.supports.iter().map(|s| &s.factors))
                 .chain(self.couplings.iter().map(|c| c.load_factors()))
+                .chain(self.preloads.iter().map(|p| p.load_factors()))
                 .map(|factors| self.factor(factors, end_of(step)).to_bits());
             if !seen.insert(factors.collect::<Vec<_>>()) {
                 continue;

@@ -414,7 +414,8 @@ where
             }
         }
         let wanted = (0..rigid::count(D)).find(|&k| {
-            let is_stated = self.motion(k).is_some() || self.load(k) != 0.0;
+            // Holding still what nothing moves is no error.
+            let is_stated = self.motion(k).unwrap_or(0.0) != 0.0 || self.load(k) != 0.0;
             is_stated && drives.iter().all(|drive| drive.component != k)
         });
         if let Some(k) = wanted {
@@ -427,6 +428,10 @@ where
                     "its nodes do not determine the motion {name} of the point: couple nodes that are farther apart and in all directions, or leave out {name} and loads along it"
                 ),
             }));
+        }
+        if drives.is_empty() {
+            let text = "its nodes determine no motion of the point: couple more nodes, or leave fewer directions free";
+            return Err(Fault::Stated(text.to_owned()));
         }
         Ok(Coupled {
             nodes,

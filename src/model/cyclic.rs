@@ -12,11 +12,14 @@ use super::stated::Flaw;
 use crate::contact::{ContactError, ContactPlace, Friction, PairOptions, Space, mortar_contact};
 use crate::elasticity::Body;
 use crate::mesh::structured::join;
-use crate::mesh::vector::{dot, minus};
-use crate::mesh::{ElementKind, Facet};
+use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::{ElementKind, Facet, facet_nodes};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 use std::f64::consts::TAU;
+
+/// The cosine of an angle between directions above which they count as one, as [`super::supports::SAME`].
+const SAME_WAY: f64 = 1.0 - 1e-9;
 
 /// Both sides of a sector, one of several equal ones about an axis. Bodies, loads, supports and contacts are those of one sector.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -79,12 +82,21 @@ where
     pub(super) fn find(&self, body: &Body<D>, held: &Directions<D>) -> Result<Found<D>, Fault> {
         let low = outer_facets(body.mesh, self.low.all())?;
         let high = outer_facets(body.mesh, self.high.all())?;
-        let angle = TAU / f64::from(self.sectors);
         // Which side is first about the axis, the mesh tells.
-        let found = match self.tied(body, [&low, &high], held, angle) {
-            Err(ContactError::Apart { .. }) => self.tied(body, [&low, &high], held, -angle),
-            found => found,
+        let middle = |facets: &[Facet<D>]| {
+            let part = (facets.len() as f64).recip();
+            let sum = facets.iter().map(|facet| body.mesh.facet_middle(facet));
+            sum.fold([0.0; D], |sum, x| from_fn(|c| sum[c] + part * x[c]))
         };
+        let [from, to] = [&low, &high].map(|facets| middle(facets));
+        let whole = TAU / f64::from(self.sectors);
+        let off = |angle: f64| length(minus(self.axis.turned(from, angle), to));
+        let angle = if off(whole) <= off(-whole) {
+            whole
+        } else {
+            -whole
+        };
+        let found = self.tied(body, [&low, &high], held, angle);
         let places = found.map_err(|error| match error {
             ContactError::Apart { nearest, .. } => Fault::Stated(format!(
                 "no part of \"{}\", turned by 360/{} degrees about {}, lies on \"{}\"; they are at least {nearest:.3e} apart: check the \
@@ -111,7 +123,7 @@ where
         &self,
         body: &Body<D>,
         [low, high]: [&[Facet<D>]; 2],
-        held: &Directions<D>,
+        of_mesh: &Directions<D>,
         angle: f64,
     ) -> Result<Vec<ContactPlace<D>>, ContactError> {
         let n = body.mesh.nodes.len() as u32;
@@ -133,16 +145,36 @@ where
                 facet
             })
             .collect();
-        let of_copy = held.iter().map(|(node, ways)| {
+        let of_copy = of_mesh.iter().map(|(node, ways)| {
             let ways = ways.iter().map(|way| turned(*way));
             (node + n, ways.collect::<Vec<_>>())
         });
-        let held = held.clone().into_iter().chain(of_copy).collect();
+        let of_copy: Directions<D> = of_copy.collect();
+        let size = largest_facet(body.mesh, high);
+        // Where only one side is held, the other one follows it.
+        let opposite_nodes = opposite.iter().flat_map(facet_nodes);
+        let near: Vec<(u32, &Vec<[f64; D]>)> = opposite_nodes
+            .filter_map(|node| Some((*node, of_copy.get(node)?)))
+            .collect();
+        let is_held = |x: [f64; D], way: &[f64; D]| {
+            near.iter().any(|(node, ways)| {
+                length(minus(both.nodes[*node as usize], x)) <= size
+                    && ways.iter().any(|other| dot(*other, *way).abs() > SAME_WAY)
+            })
+        };
+        let mut held = of_copy.clone();
+        for &node in high.iter().flat_map(facet_nodes) {
+            if let Some(ways) = of_mesh.get(&node) {
+                let x = both.nodes[node as usize];
+                let ways = ways.iter().copied().filter(|way| is_held(x, way));
+                held.insert(node, ways.collect());
+            }
+        }
         let options = PairOptions {
             friction: Friction::Tied,
             gap: Some(&|_| 0.0),
             held: Some(&held),
-            search_distance: Some(TIE_DISTANCE * largest_facet(body.mesh, high)),
+            search_distance: Some(TIE_DISTANCE * size),
             ..PairOptions::default()
         };
         let materials = [body.materials, body.materials].concat();

@@ -183,14 +183,12 @@ where
             };
             return Err(pair.entity(i).error(text));
         }
-        let small = |part: &(usize, &dyn Part)| {
-            let kind = part.1.facts().kind;
-            SMALL.contains(&kind)
-        };
+        let small = |part: &(usize, &dyn Part)| SMALL.contains(&part.1.facts().kind);
         if let Some((number, part)) = self.parts().find(small) {
-            return Err(part.entity(number).error(
-                "foundations, springs, preloads, couplings and sectors need geometry = \"small\": where displacements are large they are not known yet",
-            ));
+            let [.., several] = part.facts().kind.words();
+            return Err(part.entity(number).error(format!(
+                "{several} need geometry = \"small\": where displacements are large they are not known yet"
+            )));
         }
         if self.analysis.rotation.is_some() {
             return Err(Entity::all(EntityKind::Rotation)

@@ -341,10 +341,9 @@ where
                 note(&[added], f.entity(number));
             }
         }
-        // They need small displacements: the time is the end of a load step.
-        self.add_driven(body, time.ceil() as usize - 1, &mut forces)?;
-        // With large displacements, the material handles temperature.
+        // With large displacements, there are no preloads and couplings, and the material handles temperature.
         if !self.is_large() {
+            self.add_driven(body, time.ceil() as usize - 1, &mut forces)?;
             self.add_expansion(body, time, &mut forces)?;
         }
         if let Some(first) = self.temperatures.first() {

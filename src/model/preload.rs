@@ -147,6 +147,11 @@ impl<const D: usize> Preload<D> {
         self
     }
 
+    /// Its load factors.
+    pub(super) fn load_factors(&self) -> &Option<Vec<f64>> {
+        &self.factors
+    }
+
     /// Whether it is locked in a load step, counted from 0; the force is largest first in the step `tightened`.
     fn locks(&self, step: usize, tightened: usize) -> bool {
         match &self.lock {

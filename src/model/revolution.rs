@@ -46,6 +46,10 @@ impl<const D: usize> Definition<D> {
         if let Some(number) = self.tractions.iter().position(|t| t.axis.is_some()) {
             return Err(self.tractions[number].entity(number).error(text));
         }
+        if let Some(first) = self.cyclics.first() {
+            let text = "a body of revolution has no sectors";
+            return Err(first.entity(0).error(text));
+        }
         Ok(())
     }
 

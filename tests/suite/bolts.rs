@@ -2,10 +2,11 @@
 
 use crate::common::models::{answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
-use signorini::elasticity::Material;
+use signorini::contact::Space;
+use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::mesh::{Mesh, facet};
+use signorini::mesh::{ElementKind, Mesh, facet};
 use signorini::model::{Coupling, Model, Pair, Preload, Quantity, Support, Temperature, Traction};
 use signorini::output::{ContactReport, StepReport};
 use signorini::ssnm::Status;
@@ -150,50 +151,101 @@ fn a_joint_parts_where_theory_says() {
     }
 }
 
-/// A section that is not shortened leaves a body what it was, and passes on what statics says: the load beyond it, and its moment.
+/// A section that is not shortened leaves a body what it was, whatever its elements, and passes on what statics says: the load beyond it,
+/// and its moment.
 #[test]
 fn a_section_that_is_not_shortened_does_nothing() {
-    let mesh = block(
-        [0.0; 3],
-        [4.0, 1.0, 1.0],
-        [6, 2, 3],
-        SolidShape::Wedge,
-        "bar",
-        "",
-    );
     let load = [2e4, -3e4, 5e4];
-    let base = Model::on(mesh)
-        .material(Material::new(YOUNG, 0.3))
-        .support(Support::on("left").fixed())
-        .traction(Traction::on("right").force(load));
-    let cut = Preload::across([2.1, 0.0, 0.0], [1.0, 0.0, 0.0]).shortening(0.0);
-    for path in PATHS {
-        let whole = answer(base.clone(), 1e-11, path);
-        let found = answer(base.clone().preload(cut.clone()), 1e-11, path);
-        let (expected, u) = (whole.displacement(), found.displacement());
-        let most = expected
-            .iter()
-            .flatten()
-            .fold(0.0, |most: f64, v| most.max(v.abs()));
-        for (a, b) in u.iter().zip(&expected) {
-            assert!(apart(a, b) < 1e-9 * most);
+    let shapes = [
+        SolidShape::Hexahedron,
+        SolidShape::Tetrahedron,
+        SolidShape::Wedge,
+    ];
+    for (shape, order) in [(0, 1), (1, 1), (2, 1), (0, 2), (1, 2), (2, 2)] {
+        let mesh = block(
+            [0.0; 3],
+            [4.0, 1.0, 1.0],
+            [6, 2, 3],
+            shapes[shape],
+            "bar",
+            "",
+        );
+        let mesh = if order == 2 {
+            mesh.raised().or_panic()
+        } else {
+            mesh
+        };
+        let base = Model::on(mesh)
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on("left").fixed())
+            .traction(Traction::on("right").force(load));
+        let cut = Preload::across([2.1, 0.0, 0.0], [1.0, 0.1, 0.0]).shortening(0.0);
+        for path in PATHS {
+            let report = cut_as_whole(base.clone(), cut.clone(), path);
+            assert!(
+                apart(&report.force, &load) < 1e-8 * 5e4,
+                "{:?}",
+                report.force
+            );
+            // The load acts in the middle of the end, beside the middle of the section.
+            let arm: [f64; 3] = std::array::from_fn(|c| [4.0, 0.5, 0.5][c] - report.centre[c]);
+            let cross = |a: usize, b: usize| arm[a] * load[b] - arm[b] * load[a];
+            let moment = [cross(1, 2), cross(2, 0), cross(0, 1)];
+            assert!(
+                apart(&report.moment, &moment) < 1e-8 * 2e5,
+                "{:?}",
+                report.moment
+            );
         }
-        let report = &found.report().contacts[0];
-        assert!(
-            apart(&report.force, &load) < 1e-8 * 5e4,
-            "{:?}",
-            report.force
-        );
-        assert!((tension(report) - load[0]).abs() < 1e-8 * 5e4);
-        // The load acts in the middle of the end, beside the middle of the section.
-        let arm = 4.0 - report.centre[0];
-        let moment = [0.0, -arm * load[2], arm * load[1]];
-        assert!(
-            apart(&report.moment, &moment) < 1e-8 * 2e5,
-            "{:?}",
-            report.moment
-        );
     }
+    for (shape, order) in [
+        (CellShape::Quad, 1),
+        (CellShape::Triangle, 1),
+        (CellShape::Quad, 2),
+        (CellShape::Triangle, 2),
+    ] {
+        for plane in [Plane::PlaneStress, Plane::Axisymmetric] {
+            let mesh = rectangle([1.0, 0.0], [1.0, 3.0], [3, 7], shape, "bar", "");
+            let mesh = if order == 2 {
+                mesh.raised().or_panic()
+            } else {
+                mesh
+            };
+            let base = Model::on(mesh)
+                .plane(plane)
+                .material(Material::new(YOUNG, 0.3))
+                .support(Support::on("bottom").fixed())
+                .traction(Traction::on("top").force([1e4, 4e4]));
+            let cut = Preload::across([1.2, 1.4], [0.1, 1.0]).shortening(0.0);
+            let force = cut_as_whole(base, cut, Stiffness::Cholesky).force;
+            // Across the axis a ring carries a part around it.
+            let carried = if plane == Plane::PlaneStress {
+                force[0]
+            } else {
+                1e4
+            };
+            assert!(
+                apart(&[carried, force[1]], &[1e4, 4e4]) < 1e-8 * 4e4,
+                "{force:?}"
+            );
+        }
+    }
+}
+
+/// Compares a body without and with a section, whose report is returned.
+fn cut_as_whole<const D: usize>(base: Model<D>, cut: Preload<D>, path: Stiffness) -> ContactReport
+where
+    ElementKind: Space<D>,
+{
+    let whole = answer(base.clone(), 1e-11, path);
+    let found = answer(base.preload(cut), 1e-11, path);
+    let (expected, u) = (whole.displacement(), found.displacement());
+    let most = expected.iter().flatten();
+    let most = most.fold(0.0, |most: f64, v| most.max(v.abs()));
+    for (a, b) in u.iter().zip(&expected) {
+        assert!(apart(a, b) < 1e-9 * most, "{a:?} {b:?}");
+    }
+    found.report().contacts.remove(0)
 }
 
 /// A bolt between two plates, one of which has its head, with a section on a named surface: what a force has made, locked, is what the same shortening
@@ -348,6 +400,16 @@ fn sections_that_do_not_cut_a_bolt_through_are_refused() {
         let refused = refusal(mesh, preload.force(1.0));
         assert!(refused.contains(text), "{refused}");
     }
+    let twice = Model::on(mesh.clone())
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on("bottom").fixed())
+        .preload(Preload::across([1.0, 1.9], [0.0, 1.0]).force(1.0))
+        .preload(Preload::across([1.2, 1.9], [1.0, 0.0]).force(1.0));
+    let refused = twice.build().expect_err("they cross").to_string();
+    assert!(
+        refused.contains("preload 2: its section meets that of another"),
+        "{refused}"
+    );
     for (preload, text) in [
         (Preload::on("top"), "needs one of force and shortening"),
         (

@@ -186,6 +186,45 @@ fn a_sector_of_a_tube() {
     }
 }
 
+/// A thin sector, whichever side is first, and one whose last side has the only held node: Lamé's ring.
+#[test]
+fn a_thin_sector_and_a_held_node() {
+    let axis = Axis::at([0.0, 0.0]);
+    let base = |mesh: Mesh, sides: [&str; 2], sectors: u32| {
+        Model::on(mesh)
+            .plane(Plane::PlaneStress)
+            .material(steel())
+            .traction(Traction::on("left").pressure(PRESSURE))
+            .cyclic(Cyclic::between(sides[0], sides[1], axis, sectors))
+    };
+    // r = 1: p/E (1 + ν + 2 a²/(b² − a²) …) of Lamé.
+    let exact = PRESSURE / YOUNG * (0.7 * 1.0 / 3.0 + 1.3 * 4.0 / 3.0);
+    for sides in [["bottom", "top"], ["top", "bottom"]] {
+        let thin = base(sector(180.0, [12, 1], 0.0), sides, 180)
+            .support(Support::at_point([1.0, 0.0]).y(0.0));
+        let wide = base(sector(12.0, [12, 12], 0.0), sides, 12)
+            .support(Support::at_point([1.0, 0.0]).y(0.0));
+        for (model, off) in [(thin, 3e-3), (wide, 3e-3)] {
+            let found = answer(model, 1e-10, Stiffness::Cholesky);
+            for (x, u) in found
+                .built
+                .elastic
+                .mesh
+                .nodes
+                .iter()
+                .zip(found.displacement())
+            {
+                if x[0].hypot(x[1]) < 1.0 + 1e-9 {
+                    assert!(
+                        (u[0].hypot(u[1]) - exact).abs() < off * exact,
+                        "{sides:?} {x:?} {u:?} {exact}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn sectors_that_do_not_close_are_refused() {
     let axis = Axis::at([0.0, 0.0]);

@@ -856,6 +856,12 @@ fn a_section_is_tightened_and_fixed() {
             format!("{section}{STATIC}*BOUNDARY,FIXED\nNright,1,1\n*END STEP\n"),
             "only the node of a *PRE-TENSION SECTION can be fixed",
         ),
+        (
+            format!(
+                "{section}{STATIC}*CLOAD\n99,1,8.\n*END STEP\n{STATIC}*BOUNDARY,FIXED\n99,1,1\n*END STEP\n{STATIC}*BOUNDARY,OP=NEW\nNleft,1\n1,2\n*END STEP\n"
+            ),
+            "a section that has been fixed stays so",
+        ),
     ] {
         let error = read(&strip(&rest), &[], &[]).expect_err(expected);
         assert!(error.contains(expected), "{error}");
@@ -913,6 +919,12 @@ fn nodes_move_with_a_reference_node() {
             }
         }
     }
+    // All motions of a clamped node are held.
+    let text = strip(&format!(
+        "*RIGID BODY,NSET=Nright,REF NODE=99\n{STATIC}*BOUNDARY\n99,ENCASTRE\n*END STEP\n"
+    ));
+    let text = written(&read(&text, &[], &[]).or_panic());
+    assert!(text.contains("x = 0.0\ny = 0.0\nrz = 0.0"), "{text}");
     // A force that grows after a rotation that is there at once: two histories, two parts.
     let grows = "*AMPLITUDE,NAME=late\n0.,0.,0.5,0.,1.,1.\n";
     let text = strip(&format!(
@@ -944,6 +956,18 @@ fn nodes_move_with_a_reference_node() {
                 "*RIGID BODY,NSET=Nright,REF NODE=99\n*RIGID BODY,NSET=Nleft,REF NODE=99\n{STATIC}*END STEP\n"
             ),
             "two constraints have the same reference node",
+        ),
+        (
+            format!(
+                "*RIGID BODY,NSET=Nright,REF NODE=99\n*TRANSFORM,NSET=Nall,TYPE=R\n0.,1.,0.,-1.,0.,0.\n{STATIC}*END STEP\n"
+            ),
+            "the directions of a reference node are the axes",
+        ),
+        (
+            format!(
+                "*RIGID BODY,NSET=Nright,REF NODE=99\n*EQUATION\n2\n99,1,1.,1,1,-1.\n{STATIC}*END STEP\n"
+            ),
+            "a reference node cannot depend on other nodes",
         ),
         (
             format!("{STATIC}*CLOAD\nNright,5,1.\n*END STEP\n"),
@@ -986,6 +1010,12 @@ fn a_sector_of_a_ring() {
         assert!((u[4 * i][0] - growth * r).abs() < 1e-8, "{u:?}");
         assert!((u[4 * i + 3][1] - growth * r).abs() < 1e-8, "{u:?}");
     }
+    let without = text.replace("CYCLIC SYMMETRY,NAME=sector,", "");
+    let error = read(&without, &[], &[]).expect_err("no tie");
+    assert!(
+        error.contains("no *TIE, CYCLIC SYMMETRY belongs to it"),
+        "{error}"
+    );
     let without = text.replace("TIE=sector", "TIE=other");
     let error = read(&without, &[], &[]).expect_err("no sectors");
     assert!(

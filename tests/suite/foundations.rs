@@ -256,7 +256,7 @@ fn a_foundation_that_makes_no_sense_is_refused() {
         ("stiffness = { normal = 1e-90 }", "the stiffness is 1e-90"),
         (
             "stiffness = { normal = 1 }\n[analysis]\ngeometry = \"large\"",
-            "foundations and springs need geometry = \"small\"",
+            "foundations need geometry = \"small\"",
         ),
         ("", "missing field `stiffness`"),
     ] {

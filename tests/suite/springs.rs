@@ -242,7 +242,7 @@ fn a_spring_that_makes_no_sense_is_refused() {
         ),
         (
             "point = [1, 1]\nstiffness = 1\ndirection = [1, 0]\n[analysis]\ngeometry = \"large\"",
-            "foundations and springs need geometry",
+            "springs need geometry",
         ),
     ] {
         let error = refusal(&format!("{text}\n"));

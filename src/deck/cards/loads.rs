@@ -98,10 +98,12 @@ impl<'a> Said<'a> {
             }))
         };
         match first.to_uppercase().as_str() {
-            "ENCASTRE" | "PINNED" => return held(&[0, 1, 2]),
-            "XSYMM" => return held(&[0]),
-            "YSYMM" => return held(&[1]),
-            "ZSYMM" => return held(&[2]),
+            // Only reference nodes have rotations.
+            "ENCASTRE" => return held(&[0, 1, 2, 3, 4, 5]),
+            "PINNED" => return held(&[0, 1, 2]),
+            "XSYMM" => return held(&[0, 4, 5]),
+            "YSYMM" => return held(&[1, 3, 5]),
+            "ZSYMM" => return held(&[2, 3, 4]),
             _ => {}
         }
         let first = component(line, first)?;

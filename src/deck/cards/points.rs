@@ -84,12 +84,13 @@ impl<'a> Said<'a> {
     pub(super) fn rigid_body(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["NSET", "TIE NSET", "REF NODE", "ROT NODE"]);
-        let set = k.option("NSET").or(k.option("TIE NSET"));
-        let Some(set) = set else {
+        let sets = ["NSET", "TIE NSET"].into_iter();
+        let nodes: Vec<&str> = sets.filter_map(|name| k.option(name)).collect();
+        if nodes.is_empty() {
             let text = "*RIGID BODY: nodes are needed: NSET= or TIE NSET=";
             self.refuse(k.line, "RIGID BODY", text);
             return Ok(());
-        };
+        }
         self.couplings.push(CouplingCard {
             line: k.line,
             keyword: "RIGID BODY",
@@ -97,7 +98,7 @@ impl<'a> Said<'a> {
             reference: Self::needs(k, "REF NODE")?,
             rotation: k.option("ROT NODE"),
             surface: None,
-            nodes: vec![set],
+            nodes,
             distributing: false,
             bound: [true; 3],
         });

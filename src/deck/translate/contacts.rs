@@ -3,7 +3,7 @@
 use super::{Result, Translation, with_factors};
 use crate::deck::adjust::{Adjustment, Moved};
 use crate::deck::history::factors;
-use crate::deck::said::{Adjust, Interaction, PairCard, TieCard};
+use crate::deck::said::{Adjust, Interaction, PairCard, Said, SectorCard, TieCard};
 use crate::mesh::abaqus::keyword::key;
 use crate::model::{Axis, Cyclic, Pair};
 use std::array::from_fn;
@@ -16,6 +16,14 @@ impl<const D: usize> Translation<'_, '_, D> {
                 continue;
             }
             self.tie(tie.line, tie.name, [tie.slave, tie.master], tie.tolerance)?;
+        }
+        let said = self.said;
+        for card in &said.sectors {
+            let mut cyclic = said.ties.iter().filter(|tie| tie.cyclic);
+            if !cyclic.any(|tie| sectors_of(said, tie).is_some_and(|one| one.line == card.line)) {
+                let text = "*CYCLIC SYMMETRY MODEL: no *TIE, CYCLIC SYMMETRY belongs to it";
+                self.refuse(card.line, "CYCLIC SYMMETRY MODEL", text);
+            }
         }
         for pair in &self.said.pairs {
             let found = (self.said.interactions.iter()).find(|one| one.name == pair.interaction);
@@ -172,9 +180,7 @@ impl<const D: usize> Translation<'_, '_, D> {
 
     /// The sides of a sector.
     fn sector(&mut self, tie: &TieCard) -> Result<()> {
-        let same = |name: &str| tie.name.is_some_and(|own| key(own) == key(name));
-        let mut cards = self.said.sectors.iter();
-        let Some(card) = cards.find(|card| card.tie.is_none_or(same)) else {
+        let Some(card) = sectors_of(self.said, tie) else {
             let text = "*TIE, CYCLIC SYMMETRY: no *CYCLIC SYMMETRY MODEL belongs to it";
             return Err((tie.line, text.to_owned()));
         };
@@ -237,4 +243,11 @@ impl<const D: usize> Translation<'_, '_, D> {
         self.definition.ties.push(tie);
         Ok(())
     }
+}
+
+/// The sectors that a tie belongs to.
+fn sectors_of<'s, 'a>(said: &'s Said<'a>, tie: &TieCard) -> Option<&'s SectorCard<'a>> {
+    let same = |name: &str| tie.name.is_some_and(|own| key(own) == key(name));
+    let mut cards = said.sectors.iter();
+    cards.find(|card| card.tie.is_none_or(same))
 }

@@ -415,7 +415,7 @@ fn merged(same: Vec<Same>) -> Vec<Table> {
 }
 
 /// The axes one by one.
-const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl Transform<'_> {
     /// Its two points.
@@ -424,7 +424,7 @@ impl Transform<'_> {
     }
 
     /// The directions of a rectangular one: the first towards the first point, the second on the side of the second point.
-    fn axes(&self) -> Option<[[f64; 3]; 3]> {
+    pub(super) fn axes(&self) -> Option<[[f64; 3]; 3]> {
         let [a, b] = self.points();
         let first = unit(a);
         let third = unit(cross(first, b));

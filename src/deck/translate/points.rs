@@ -1,5 +1,6 @@
 //! Couplings and sections of bolts, with the loads and motions of their reference nodes.
 
+use super::nodes::IDENTITY;
 use super::{Result, Translation, with_factors};
 use crate::deck::history::{Track, Tracks, factors};
 use crate::deck::said::{CouplingCard, Kind, PretensionCard, What};
@@ -41,6 +42,24 @@ impl<const D: usize> Translation<'_, '_, D> {
                 return Err((line, text.to_owned()));
             }
         }
+        let said = self.said;
+        for transform in &said.transforms {
+            let nodes = self.index.nodes(transform.line, transform.set)?;
+            let is_turned = transform.axes() != Some(IDENTITY);
+            if is_turned && nodes.iter().any(|node| self.points.contains_key(node)) {
+                let text = "*TRANSFORM: the directions of a reference node are the axes";
+                self.refuse(transform.line, "TRANSFORM", text);
+            }
+        }
+        for equation in &said.equations {
+            for side in equation.sides {
+                let nodes = self.index.nodes(equation.line, side)?;
+                if nodes.iter().any(|node| self.points.contains_key(node)) {
+                    let text = "*EQUATION: a reference node cannot depend on other nodes";
+                    self.refuse(equation.line, "EQUATION", text);
+                }
+            }
+        }
         Ok(())
     }
 
@@ -71,6 +90,10 @@ impl<const D: usize> Translation<'_, '_, D> {
             let (target, components, value, is_motion): (&str, &[usize], f64, bool) =
                 match &load.what {
                     What::Clear(Kind::Boundary) => {
+                        if fixed.is_some_and(|(_, since)| step > since) {
+                            let text = "*BOUNDARY, OP=NEW: a section that has been fixed stays so";
+                            self.refuse(line, "BOUNDARY", text);
+                        }
                         motions.clear(step, line);
                         continue;
                     }
@@ -191,7 +214,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         let keyword = card.keyword;
         if card.bound == [false; 3] {
             let text = format!(
-                "*{keyword}: it couples no direction: *KINEMATIC or *DISTRIBUTING follows it"
+                "*{keyword}: it couples no direction along an axis: *KINEMATIC or *DISTRIBUTING follows it, with 1 to 3"
             );
             return Err((card.line, text));
         }
@@ -241,6 +264,9 @@ impl<const D: usize> Translation<'_, '_, D> {
             let text = "*BOUNDARY, FIXED: only the node of a *PRE-TENSION SECTION can be fixed where it is";
             self.refuse(line, "BOUNDARY", text);
         }
+        // Zeros fit any history.
+        let mut given = given;
+        given.sort_by_key(|one| one.values.iter().all(|&v| v == 0.0));
         // What has the same history is one part; nodes that move rigidly carry others as spread ones.
         let mut parts: Vec<(Option<Vec<f64>>, Coupling<D>)> = Vec::new();
         let mut first = Some(coupling);
@@ -249,7 +275,10 @@ impl<const D: usize> Translation<'_, '_, D> {
             let (size, history) = factors(&one.values);
             if (D == 2 && (2..5).contains(&component)) || component > 5 {
                 if size != 0.0 {
-                    let text = format!("in the plane there is no direction {}", component + 1);
+                    let text = match D {
+                        2 => format!("in the plane there is no direction {}", component + 1),
+                        _ => "a node of rotations has the directions 1 to 3".to_owned(),
+                    };
                     self.refuse(line, keyword, text);
                 }
                 continue;

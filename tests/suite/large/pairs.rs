@@ -628,7 +628,9 @@ impl Problem {
         // Friction has a lever where curved sides are apart at some points of a place and overlap at others; pressure has a small one
         // on ends of the other side.
         let lever = 2e-3 + 0.08 * self.coulomb;
-        if length(sum) > 1e-6 * scale.max(sizes) || moment.abs() > lever * scale.max(sizes) {
+        // Each node may be off by as much as others.
+        let all = scale * touching.iter().flatten().count() as f64;
+        if length(sum) > 1e-6 * all.max(sizes) || moment.abs() > lever * scale.max(sizes) {
             return Some(format!(
                 "the sides are out of balance by {sum:?}, {moment:e} of {sizes:e}, mu = {}",
                 self.coulomb
