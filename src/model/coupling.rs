@@ -23,6 +23,8 @@ use serde::{Deserialize, Serialize};
 
 /// A displacement is independent of others if this part of its length is left without them: files have six digits at least.
 const INDEPENDENT: f64 = 1e-5;
+/// Parts of other displacements below this are rounding: displacements far apart lead, so that the largest parts are about one.
+const ROUNDING_OF_P: f64 = 1e-13;
 /// The motions of a point of space; in the plane the first two and the last.
 const MOTIONS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
@@ -284,6 +286,109 @@ impl<const D: usize> Part for Coupling<D> {
 /// The displacement of a node along a direction, times a factor.
 type Term<const D: usize> = (u32, [f64; D]);
 
+/// The rigid motions that a point has.
+struct Motions<'m, const D: usize> {
+    places: &'m [[f64; D]],
+    frame: Frame<D>,
+    /// Their numbers.
+    ways: Vec<usize>,
+}
+
+impl<const D: usize> Motions<'_, D> {
+    /// Along each axis, what they are at a node.
+    fn at(&self, node: u32) -> [Vec<f64>; D] {
+        let all = self.frame.motions::<6>(&self.places[node as usize]);
+        all.map(|row| self.ways.iter().map(|&k| row[k]).collect())
+    }
+}
+
+/// How nodes determine motions, and follow them.
+struct Determined<const D: usize> {
+    /// Each motion in displacements of nodes.
+    terms: Vec<Vec<Term<D>>>,
+    /// The row of a motion that the nodes determine is that of the identity.
+    known: Mat<f64>,
+    /// The displacements that follow others: node, axis, and those others with the opposite sign.
+    follow: Vec<(u32, usize, Vec<Term<D>>)>,
+}
+
+impl<const D: usize> Determined<D> {
+    /// Of nodes that move as a rigid body along the axes that are not `free`.
+    fn rigid(nodes: &[u32], motions: &Motions<D>, free: [bool; D]) -> Self {
+        let count = motions.ways.len();
+        let bound: Vec<usize> = (0..D).filter(|&c| !free[c]).collect();
+        let all: Vec<(u32, usize, Vec<f64>)> = (nodes.iter())
+            .flat_map(|&node| {
+                let at = motions.at(node);
+                let of_axis = move |&c: &usize| (node, c, at[c].clone());
+                bound.iter().map(of_axis)
+            })
+            .collect();
+        let lead = independent(&all, count);
+        let p = Mat::from_fn(lead.len(), count, |r, k| all[lead[r]].2[k]);
+        let inverse = p.transpose() * pseudo_inverse(&(&p * p.transpose()), ROUNDING_OF_P);
+        let term = |i: usize, factor: f64| -> Term<D> {
+            let (node, c, _) = all[i];
+            (node, Way::<D>::Axis(c).vector().map(|v| factor * v))
+        };
+        let of_leads = |part: &dyn Fn(usize) -> f64| -> Vec<Term<D>> {
+            let parts = lead.iter().enumerate().map(|(r, &i)| (i, part(r)));
+            let parts = parts.filter(|(_, part)| part.abs() > ROUNDING_OF_P);
+            parts.map(|(i, part)| term(i, part)).collect()
+        };
+        let follows = all.iter().enumerate().filter(|(i, _)| !lead.contains(i));
+        Self {
+            terms: (0..count).map(|k| of_leads(&|r| inverse[(k, r)])).collect(),
+            follow: follows
+                .map(|(_, (node, c, at))| {
+                    let part = |r| -(0..count).map(|k| at[k] * inverse[(k, r)]).sum::<f64>();
+                    (*node, *c, of_leads(&part))
+                })
+                .collect(),
+            known: &inverse * &p,
+        }
+    }
+
+    /// Of nodes that move freely, each with its share.
+    fn distributing(shares: &[(u32, f64)], motions: &Motions<D>) -> Self {
+        let count = motions.ways.len();
+        let mut m = Mat::<f64>::zeros(count, count);
+        for &(node, share) in shares {
+            for row in motions.at(node) {
+                for (i, a) in row.iter().enumerate() {
+                    for (j, b) in row.iter().enumerate() {
+                        m[(i, j)] += share * a * b;
+                    }
+                }
+            }
+        }
+        let inverse = pseudo_inverse(&m, INDEPENDENT * INDEPENDENT);
+        let of_motion = |k: usize| {
+            let term = |&(node, share): &(u32, f64)| {
+                let part = motions.at(node).map(|row| {
+                    let parts = row.iter().enumerate();
+                    share * parts.map(|(l, v)| inverse[(k, l)] * v).sum::<f64>()
+                });
+                (node, part)
+            };
+            shares.iter().map(term).collect()
+        };
+        Self {
+            terms: (0..count).map(of_motion).collect(),
+            known: &inverse * &m,
+            follow: Vec::new(),
+        }
+    }
+
+    /// Whether the nodes determine a motion.
+    fn is_known(&self, k: usize) -> bool {
+        (0..self.terms.len()).all(|l| {
+            let off = self.known[(k, l)] - f64::from(u8::from(k == l));
+            off.abs() < INDEPENDENT
+        })
+    }
+}
+
 /// A coupling on a mesh.
 struct Coupled<const D: usize> {
     nodes: Vec<u32>,
@@ -291,7 +396,7 @@ struct Coupled<const D: usize> {
     drives: Vec<Drive>,
     /// What each is, in displacements of nodes.
     motions: Vec<Vec<Term<D>>>,
-    /// The displacements that follow others: node, axis, and those others with the opposite sign.
+    /// As [`Determined::follow`].
     follow: Vec<(u32, usize, Vec<Term<D>>)>,
 }
 
@@ -302,117 +407,44 @@ where
     fn on_mesh(&self, body: &Body<D>) -> Result<Coupled<D>, Fault> {
         let (mesh, target) = (body.mesh, self.target());
         let nodes = target.nodes(mesh)?;
-        let size = nodes
-            .iter()
-            .map(|&node| length(minus(mesh.nodes[node as usize], self.point)));
+        let away = |&node: &u32| length(minus(mesh.nodes[node as usize], self.point));
         let frame = Frame {
             centre: self.point,
-            size: match size.fold(0.0, f64::max) {
+            size: match nodes.iter().map(away).fold(0.0, f64::max) {
                 0.0 => 1.0,
                 size => size,
             },
         };
-        // A ring moves along its axis.
-        let ways: Vec<usize> = match body.plane {
-            Plane::Axisymmetric if D == 2 => vec![1],
-            _ => (0..rigid::count(D)).collect(),
+        let motions = Motions {
+            places: &mesh.nodes,
+            frame,
+            // A ring moves along its axis.
+            ways: match body.plane {
+                Plane::Axisymmetric if D == 2 => vec![1],
+                _ => (0..rigid::count(D)).collect(),
+            },
         };
-        let motions_at = |node: u32| {
-            let all = frame.motions::<6>(&mesh.nodes[node as usize]);
-            let ways = &ways;
-            all.map(|row| ways.iter().map(|&k| row[k]).collect::<Vec<f64>>())
-        };
-        let axis = |c: usize| Way::<D>::Axis(c).vector();
-        let scaled = |factor: f64, v: [f64; D]| v.map(|v| factor * v);
-        let (terms, known, follow) = match self.kind {
-            Kind::Rigid => {
-                let bound = (0..D).filter(|&c| !self.free[c]);
-                let all: Vec<(u32, usize, Vec<f64>)> = (nodes.iter())
-                    .flat_map(|&node| {
-                        let at = motions_at(node);
-                        let bound = bound.clone();
-                        bound.map(move |c| (node, c, at[c].clone()))
-                    })
-                    .collect();
-                let lead = independent(&all, ways.len());
-                let p = Mat::from_fn(lead.len(), ways.len(), |r, k| all[lead[r]].2[k]);
-                let inverse = p.transpose() * pseudo_inverse(&(&p * p.transpose()), ROUNDING_OF_P);
-                let known = &inverse * &p;
-                let terms: Vec<Vec<Term<D>>> = (0..ways.len())
-                    .map(|k| {
-                        let of = lead.iter().enumerate();
-                        of.map(|(r, &i)| (all[i].0, scaled(inverse[(k, r)], axis(all[i].1))))
-                            .collect()
-                    })
-                    .collect();
-                let mut follow = Vec::new();
-                for (i, (node, c, at)) in all.iter().enumerate() {
-                    if lead.contains(&i) {
-                        continue;
-                    }
-                    let others = lead.iter().enumerate().filter_map(|(r, &of)| {
-                        let part: f64 = (0..ways.len()).map(|k| at[k] * inverse[(k, r)]).sum();
-                        (part.abs() > ROUNDING_OF_P)
-                            .then(|| (all[of].0, scaled(-part, axis(all[of].1))))
-                    });
-                    follow.push((*node, *c, others.collect()));
-                }
-                (terms, known, follow)
+        let found = match (self.kind, target) {
+            (Kind::Rigid, _) => Determined::rigid(&nodes, &motions, self.free),
+            (Kind::Distributing, Target::Boundary(names)) => {
+                let (shares, _) = area_shares(body, &outer_facets(mesh, names.all())?);
+                Determined::distributing(&shares, &motions)
             }
-            Kind::Distributing => {
-                let shares = match target {
-                    Target::Boundary(names) => {
-                        area_shares(body, &outer_facets(mesh, names.all())?).0
-                    }
-                    _ => {
-                        let part = (nodes.len() as f64).recip();
-                        nodes.iter().map(|&node| (node, part)).collect()
-                    }
-                };
-                let mut m = Mat::<f64>::zeros(ways.len(), ways.len());
-                for &(node, share) in &shares {
-                    for row in motions_at(node) {
-                        for (i, a) in row.iter().enumerate() {
-                            for (j, b) in row.iter().enumerate() {
-                                m[(i, j)] += share * a * b;
-                            }
-                        }
-                    }
-                }
-                let inverse = pseudo_inverse(&m, INDEPENDENT * INDEPENDENT);
-                let known = &inverse * &m;
-                let terms = (0..ways.len())
-                    .map(|k| {
-                        let of = |&(node, share): &(u32, f64)| {
-                            let at = motions_at(node);
-                            let part = |c: usize| {
-                                let parts = at[c].iter().enumerate();
-                                share * parts.map(|(l, v)| inverse[(k, l)] * v).sum::<f64>()
-                            };
-                            (node, std::array::from_fn(part))
-                        };
-                        shares.iter().map(of).collect()
-                    })
-                    .collect();
-                (terms, known, Vec::new())
+            (Kind::Distributing, _) => {
+                let share = (nodes.len() as f64).recip();
+                let shares: Vec<_> = nodes.iter().map(|&node| (node, share)).collect();
+                Determined::distributing(&shares, &motions)
             }
         };
-        let is_known = |k: usize| {
-            (0..ways.len()).all(|l| {
-                let off = known[(k, l)] - f64::from(u8::from(k == l));
-                off.abs() < INDEPENDENT
+        let known: Vec<usize> = (0..motions.ways.len())
+            .filter(|&k| found.is_known(k))
+            .collect();
+        let drives: Vec<Drive> = (known.iter().map(|&k| motions.ways[k]))
+            .map(|component| Drive {
+                component,
+                size: if component < D { 1.0 } else { frame.size },
             })
-        };
-        let (mut drives, mut motions) = (Vec::new(), Vec::new());
-        for ((k, &component), terms) in ways.iter().enumerate().zip(terms) {
-            if is_known(k) {
-                drives.push(Drive {
-                    component,
-                    size: if component < D { 1.0 } else { frame.size },
-                });
-                motions.push(terms);
-            }
-        }
+            .collect();
         let wanted = (0..rigid::count(D)).find(|&k| {
             // Holding still what nothing moves is no error.
             let is_stated = self.motion(k).unwrap_or(0.0) != 0.0 || self.load(k) != 0.0;
@@ -420,7 +452,7 @@ where
         });
         if let Some(k) = wanted {
             let name = MOTIONS[Self::in_space(k)];
-            return Err(Fault::Stated(match ways.len() {
+            return Err(Fault::Stated(match motions.ways.len() {
                 1 => format!(
                     "a body of revolution moves along y alone: leave out {name} and loads along it"
                 ),
@@ -436,8 +468,8 @@ where
         Ok(Coupled {
             nodes,
             drives,
-            motions,
-            follow,
+            motions: known.iter().map(|&k| found.terms[k].clone()).collect(),
+            follow: found.follow,
         })
     }
 
@@ -547,9 +579,6 @@ where
         Ok((places, data))
     }
 }
-
-/// Numbers below this part of one are rounding of a well-conditioned inverse.
-const ROUNDING_OF_P: f64 = 1e-13;
 
 /// As many displacements as there are independent motions, one after the other that with the most left of it.
 fn independent(all: &[(u32, usize, Vec<f64>)], most: usize) -> Vec<usize> {

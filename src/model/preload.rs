@@ -17,7 +17,8 @@ use crate::mesh::{Between, Cut, Element, ElementKind, Facet, Location, Mesh};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
-/// A facet whose normal has less than this part along the mean normal of its section has no side there.
+/// A facet has no side if the part of its normal along the mean normal of its section is below this: the facet is then within 6 degrees of
+/// the direction of the bolt.
 const ACROSS: f64 = 0.1;
 
 /// A bolt that is tightened: where it is cut, and the force in it or its shortening.
