@@ -6,7 +6,7 @@ use crate::dense::pseudo_inverse;
 use crate::elasticity::Plane;
 use crate::mesh::vector::{cross, dot, length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
-use crate::model::{Elastic, PairData};
+use crate::model::{Driven, Elastic, PairData};
 use crate::rounding::DEPENDENT;
 use faer::Mat;
 
@@ -48,6 +48,35 @@ where
 /// move along tangents under the small-strain assumption: 8.1°. This is the accuracy expected of strains; directions of loads and
 /// of normals are off by sin, 14 %.
 const TURNED: f64 = 0.01;
+
+/// A bolt that a force shortens by less than this part of what the force shortens a cube over its section by is held at its section.
+const HELD: f64 = 1e-6;
+
+/// The preloads by a force whose sections do not give way.
+fn held_sections<const D: usize>(
+    of: &OfBodies<D>,
+    contacts: &[ContactReport],
+) -> impl Iterator<Item = String>
+where
+    ElementKind: Space<D>,
+{
+    let elastic = of.elastic;
+    let stiffest = (elastic.materials.iter()).fold(0.0, |most, m| m.young.max(most));
+    let by_force = |driven: &&Driven| driven.motion.is_none() && !driven.locked;
+    let driven = of.data.driven.iter().filter(by_force);
+    driven.filter_map(move |driven| {
+        let contact = &contacts[elastic.pair_of[driven.row] as usize];
+        let (tension, shortening) = (contact.tension?, contact.shortening?);
+        let cube = tension.abs() / (stiffest * contact.area.sqrt());
+        (shortening.abs() < HELD * cube).then(|| {
+            format!(
+                "preload {}: the force does not shorten the bolt, because something holds both ends of the section, as a tie beside it \
+                 does: put the section into the free part of the bolt",
+                contact.title()
+            )
+        })
+    })
+}
 
 /// The bodies that have turned by a large angle.
 fn turned<const D: usize>(of: &OfBodies<D>) -> impl Iterator<Item = String>
@@ -156,6 +185,7 @@ where
     let mut hints = elastic.mesh.notes.clone();
     hints.extend(locking(elastic));
     hints.extend(without_modes(elastic));
+    hints.extend(held_sections(of, contacts));
     if !elastic.is_large() {
         hints.extend(turned(of));
     }

@@ -142,7 +142,16 @@ where
             .collect()
     }
 
+    /// The hints about the last step.
+    pub fn hints(&self) -> Vec<String> {
+        self.whole_report(&self.data, &self.solution).hints
+    }
+
     fn report_on(&self, data: &StepData<D>, solution: &StepSolution<D>) -> StepReport {
+        self.whole_report(data, solution).steps.remove(0)
+    }
+
+    fn whole_report(&self, data: &StepData<D>, solution: &StepSolution<D>) -> Report {
         let mut report = Report::new("", &self.built);
         let solved = Solved {
             number: 1,
@@ -152,7 +161,7 @@ where
             parts: 1,
         };
         report.add_step(&StepResults::new(Analysis::from(&self.built), &solved));
-        report.steps.remove(0)
+        report
     }
 
     /// Stresses at the nodes.

@@ -457,3 +457,45 @@ fn values_at_nodes_outlive_the_cut() {
     );
     assert!((report.centre[1] - 0.5).abs() < 1e-12 && (report.area - 1.0).abs() < 1e-12);
 }
+
+/// A bolt that is tied along its whole side, also beside the section: a hint says that its force does nothing; of a free one there is none.
+#[test]
+fn a_section_beside_a_tie_has_a_hint() {
+    for tied in [false, true] {
+        let mesh = join(
+            rectangle(
+                [0.0, 0.0],
+                [1.0, 4.0],
+                [3, 8],
+                CellShape::Quad,
+                "bolt",
+                "bolt-",
+            ),
+            rectangle(
+                [1.0, 0.0],
+                [1.0, 4.0],
+                [3, 8],
+                CellShape::Quad,
+                "plate",
+                "plate-",
+            ),
+        );
+        let model = Model::on(mesh)
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on(["bolt-bottom", "plate-bottom", "bolt-top"]).fixed())
+            .preload(
+                Preload::across([0.5, 1.9], [0.0, 1.0])
+                    .within("bolt")
+                    .force(1e5),
+            );
+        let model = match tied {
+            true => model.tie(Pair::tied("bolt-right", "plate-left")),
+            false => model.contact(Pair::new("bolt-right", "plate-left").coulomb(0.1)),
+        };
+        let hints = answer(model, 1e-10, Stiffness::Cholesky).hints();
+        let told = hints
+            .iter()
+            .any(|hint| hint.contains("does not shorten the bolt"));
+        assert_eq!(told, tied, "{hints:?}");
+    }
+}
