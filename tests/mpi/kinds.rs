@@ -325,7 +325,7 @@ boundary = ["up-top", "bolt-top"]
 point = [1.5, 0.5, 1]
 force = [1e4, 0, 5e4]
 moment = [0, 1e4, 0]
-factors = [0, 0, 1]
+factors = [0, 1]
 name = "head"
 [[contact]]
 boundary = "up-bottom"
@@ -338,7 +338,7 @@ force = 2e5
 lock = true
 name = "bolt"
 [steps]
-factors = [0.5, 1, 1]
+factors = [1, 1]
 "#;
 
 /// A quarter of a block that is turned three times about the edge on the z axis: the sides have different cells.
