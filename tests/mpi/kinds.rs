@@ -355,20 +355,20 @@ low = "wheel-front"
 high = "wheel-left"
 axis = { point = [0, 0, 0], direction = [0, 0, 1] }
 sectors = 4
-[[contact]]
+[[support]]
 boundary = "wheel-bottom"
-obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }
+z = 0
+[[contact]]
+boundary = "wheel-right"
+obstacle = { half_space = { point = [1, 0, 0], normal = [-1, 0, 0] } }
 friction = { coulomb = 0.4 }
 [[traction]]
 boundary = "wheel-top"
-z = "-1e6 * (1 + x)"
+x = "1e6 * (1 + y)"
+y = -2e5
 [[traction]]
-boundary = "wheel-right"
-y = 5e4
-x = -1e5
-# Multipliers at the axis depend on each other, and are less accurate than others.
-[solver]
-tolerance = 1e-8
+boundary = "wheel-back"
+y = -5e5
 "#;
 
 /// Two blocks of quadrilaterals, one above the other, with sets of nodes.
