@@ -443,7 +443,7 @@ where
 
 /// The corners of a facet, the same for whichever of its sides it was named from: the lowest first, then the lower of its
 /// neighbours; the last again where there is room for more.
-pub(super) fn unsided<F: AsRef<[u32]>>(of: &F) -> [u32; 4] {
+pub(crate) fn unsided<F: AsRef<[u32]>>(of: &F) -> [u32; 4] {
     let corners = facet_corners(of);
     let mut key = [corners[corners.len() - 1]; 4];
     let nodes = &mut key[..corners.len()];

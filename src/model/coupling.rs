@@ -170,7 +170,11 @@ impl<const D: usize> Coupling<D> {
 
     /// Where its motion k is among those of space.
     fn in_space(k: usize) -> usize {
-        if k < D { k } else { k + 6 - rigid::count(D) }
+        if k < D {
+            k
+        } else {
+            k + MOTIONS.len() - rigid::count(D)
+        }
     }
 
     fn stated_mut(&mut self, k: usize) -> &mut Option<f64> {
@@ -182,15 +186,8 @@ impl<const D: usize> Coupling<D> {
             &mut self.ry,
             &mut self.rz,
         ];
-        let [x, y, z, rx, ry, rz] = all;
-        match Self::in_space(k) {
-            0 => x,
-            1 => y,
-            2 => z,
-            3 => rx,
-            4 => ry,
-            _ => rz,
-        }
+        let mut all = all.into_iter();
+        all.nth(Self::in_space(k)).expect("space has six motions")
     }
 
     /// With a motion, or a further load, along one of the motions of space.
@@ -297,7 +294,9 @@ struct Motions<'m, const D: usize> {
 impl<const D: usize> Motions<'_, D> {
     /// Along each axis, what they are at a node.
     fn at(&self, node: u32) -> [Vec<f64>; D] {
-        let all = self.frame.motions::<6>(&self.places[node as usize]);
+        let all = self
+            .frame
+            .motions::<{ MOTIONS.len() }>(&self.places[node as usize]);
         all.map(|row| self.ways.iter().map(|&k| row[k]).collect())
     }
 }

@@ -13,7 +13,7 @@ use super::{Definition, PairData, Units};
 use crate::contact::{ContactPlace, SlipBound, Space, frame, mean};
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{Between, Cut, Element, ElementKind, Facet, Location, Mesh};
+use crate::mesh::{Between, Cut, Element, ElementKind, Facet, Location, Mesh, unsided};
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
@@ -467,14 +467,9 @@ where
             Location::from(mesh.facet_middle(facet))
         )));
     }
-    let corners = |facet: &Facet<D>| {
-        let mut corners = crate::mesh::facet_corners(facet).to_vec();
-        corners.sort_unstable();
-        corners
-    };
-    let wanted: HashSet<Vec<u32>> = all.iter().map(corners).collect();
+    let wanted: HashSet<[u32; 4]> = all.iter().map(unsided).collect();
     let along = mesh.between(
-        |_, facet| wanted.contains(&corners(facet)),
+        |_, facet| wanted.contains(&unsided(facet)),
         |_, facet| steep(facet) < 0.0,
     );
     if along.len() < wanted.len() {

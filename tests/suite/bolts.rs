@@ -1,5 +1,6 @@
 //! Preload of bolts: uniform bars, a joint with its knee, locked forces against shortenings.
 
+use crate::common::apart;
 use crate::common::models::{answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
@@ -13,12 +14,6 @@ use signorini::ssnm::Status;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e9;
-
-/// The largest difference of two vectors.
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let off = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    off.fold(0.0, f64::max)
-}
 
 fn tension(report: &ContactReport) -> f64 {
     report.tension.expect("it is a preload")
@@ -137,7 +132,7 @@ fn a_joint_parts_where_theory_says() {
             let scale = 1e-8 * preload;
             assert!((tension(bolt_report) - expected).abs() < scale, "{load}");
             assert!((left.normal_force + right.normal_force - clamp).abs() < scale);
-            // The head moves as far as the plates were pressed less than before, or the bolt is longer than by its preload.
+            // The plates expand as their pressure falls; once they have parted, the bolt gets longer.
             let lift = head.motion[1].expect("it is determined");
             let free = if clamp > 0.0 {
                 -clamp / plates
@@ -458,7 +453,7 @@ fn values_at_nodes_outlive_the_cut() {
     assert!((report.centre[1] - 0.5).abs() < 1e-12 && (report.area - 1.0).abs() < 1e-12);
 }
 
-/// A bolt that is tied along its whole side, also beside the section: a hint says that its force does nothing; of a free one there is none.
+/// A tie along the whole side of a bolt holds both ends of its section, and a hint says so. A free bolt gets no hint.
 #[test]
 fn a_section_beside_a_tie_has_a_hint() {
     for tied in [false, true] {

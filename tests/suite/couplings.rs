@@ -1,5 +1,6 @@
 //! Couplings of nodes with a point: beams and shafts in closed form, statics of distributed loads, what nodes do not determine.
 
+use crate::common::apart;
 use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
@@ -13,11 +14,6 @@ use signorini::ssnm::Status;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e9;
-
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let off = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    off.fold(0.0, f64::max)
-}
 
 fn coupling<const D: usize>(found: &Answer<D>) -> ContactReport
 where

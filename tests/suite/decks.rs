@@ -839,7 +839,7 @@ fn a_section_is_tightened_and_fixed() {
         ),
         (
             format!("{section}{STATIC}*BOUNDARY,FIXED\n99,1,1\n*END STEP\n"),
-            "there is none before the first",
+            "state it in a later step than the first",
         ),
         (
             format!("{section}{STATIC}*CLOAD\n99,1,8.\n*BOUNDARY\n99,1,1,0.1\n*END STEP\n"),

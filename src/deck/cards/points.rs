@@ -130,9 +130,7 @@ impl<'a> Said<'a> {
         });
         Ok(())
     }
-}
 
-impl<'a> Said<'a> {
     /// The axis and the number of sectors of a tie.
     pub(super) fn sectors(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;

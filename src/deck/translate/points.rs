@@ -196,7 +196,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         let preload = match fixed {
             None => preload,
             Some((line, 0)) => {
-                let text = "*BOUNDARY, FIXED holds what earlier steps have made: there is none before the first";
+                let text = "*BOUNDARY, FIXED holds what earlier steps have made: state it in a later step than the first";
                 return Err((line, text.to_owned()));
             }
             Some((_, step)) => {
