@@ -18,9 +18,9 @@ pub use equal::equal_nodes;
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
-#[cfg(feature = "files")]
-pub(crate) use rows::pooled;
 pub use rows::{ContactRows, contact_rows};
+#[cfg(feature = "files")]
+pub(crate) use rows::{pooled, turned};
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -231,7 +231,7 @@ pub struct ContactPlace<const D: usize = 2> {
     /// Both sides in the row along each direction of the frame, where nodes of its own side are held; otherwise empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
     /// Further nodes in the row along each direction of the frame, each with the vector that its displacement is multiplied by there:
-    /// of couplings and sectors; otherwise empty.
+    /// of couplings, sectors and obstacles that move; otherwise empty.
     pub further: Vec<Vec<(u32, [f64; D])>>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)

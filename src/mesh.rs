@@ -542,9 +542,10 @@ where
         all.into_iter().filter(|&(_, count)| count > 0).collect()
     }
 
-    /// Smallest and largest corner of the box around the mesh.
+    /// Smallest and largest corner of the box around the elements.
     pub fn bounding_box(&self) -> ([f64; D], [f64; D]) {
-        bounds(self.nodes.iter().copied())
+        let of_elements = self.elements.iter().flat_map(Element::nodes);
+        bounds(of_elements.map(|&node| self.nodes[node as usize]))
     }
 }
 

@@ -36,14 +36,18 @@ mod analysis;
 mod arcs;
 mod axis;
 mod build;
+mod carrier;
 mod changes;
 mod contacts;
+mod coupled;
 mod coupling;
 mod cyclic;
 mod driven;
 mod elastic;
 mod entities;
+mod equation;
 mod error;
+mod holding;
 mod large;
 mod loads;
 mod motion;
@@ -73,6 +77,7 @@ pub use cyclic::Cyclic;
 pub use driven::{Drive, Driven};
 pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
+pub use equation::Equation;
 pub use error::{Entity, EntityKind, Fault, ModelError};
 pub(crate) use large::{Configuration, Deformation, Help, Moment};
 pub use loads::{StepData, TemperatureField};
@@ -145,9 +150,14 @@ pub(crate) struct Definition<const D: usize = 2> {
     pub(crate) couplings: Vec<Coupling<D>>,
     #[serde(default, rename = "cyclic")]
     pub(crate) cyclics: Vec<Cyclic<D>>,
+    #[serde(default, rename = "equation")]
+    pub(crate) equations: Vec<Equation<D>>,
     /// Of preloads, once the mesh is cut.
     #[serde(skip)]
     pub(crate) sections: Vec<preload::Section<D>>,
+    /// The nodes that are added for each coupling, once they are.
+    #[serde(skip)]
+    pub(crate) carriers: Vec<Vec<u32>>,
     /// None: one step with the factor 1.
     pub(crate) steps: Option<Steps>,
 }
@@ -353,6 +363,12 @@ where
         self
     }
 
+    /// Adds an equation between displacements.
+    pub fn equation(mut self, equation: Equation<D>) -> Self {
+        self.definition.equations.push(equation);
+        self
+    }
+
     /// Load steps in order: the factors of loads, gravity and prescribed displacements in each, where they have no
     /// factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
@@ -385,7 +401,9 @@ impl<const D: usize> Definition<D> {
     /// All parts of which there may be several, kind by kind, each with its number among those of its kind. A new kind is added
     /// here, and nowhere else in this room.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
-        (numbered(&self.materials).chain(numbered(&self.supports)))
+        let lasting =
+            numbered(&self.supports).filter(|(number, _)| !self.supports[*number].changes());
+        (numbered(&self.materials).chain(lasting))
             .chain(numbered(&self.foundations))
             .chain(numbered(&self.tractions))
             .chain(numbered(&self.body_forces))
@@ -403,6 +421,8 @@ impl<const D: usize> Definition<D> {
             .chain(numbered(&self.preloads))
             .chain(numbered(&self.couplings))
             .chain(numbered(&self.cyclics))
+            .chain(numbered(&self.equations))
+            .chain(numbered(&self.supports).filter(|(number, _)| self.supports[*number].changes()))
     }
 
     /// The behaviour perpendicular to the plane.

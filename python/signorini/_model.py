@@ -111,13 +111,17 @@ class Model:
         axis: Mapping[str, Sequence[float]] | None = None,
         symmetry: bool | None = None,
         factors: Sequence[float] | None = None,
+        active: Sequence[float] | None = None,
+        lock: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
         """Prescribe displacements in m on boundaries, on sets of `nodes`, or at the node nearest to a `point`; omitted
-        directions are free."""
+        directions are free. `active` is 1 for each load step, or 0 where the nodes are free; `lock` is 1 where they stay where the step
+        before has left them, and 0 in the first step."""
         along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
         where = {"boundary": boundary, "nodes": nodes, "point": point}
-        return self.add("support", **where, **along, symmetry=symmetry, factors=factors, **more)
+        by_step = {"factors": factors, "active": active, "lock": lock}
+        return self.add("support", **where, **along, symmetry=symmetry, **by_step, **more)
 
     def foundation(
         self,
@@ -291,6 +295,7 @@ class Model:
         *,
         point: Sequence[float],
         nodes: Names | None = None,
+        contacts: Names | None = None,
         kind: str | None = None,
         free: Names | None = None,
         x: float | None = None,
@@ -306,8 +311,9 @@ class Model:
     ) -> Model:
         """Make the nodes of boundaries, or of sets of `nodes`, move with a `point`: as a rigid body, except along the axes in `free`, or freely,
         on average (`kind` "distributing"). Displacements of the point in m, rotations in rad, a `force` in N and a `moment` in N m; omitted
-        motions are free."""
-        where = {"boundary": boundary, "nodes": nodes, "point": point, "kind": kind, "free": free}
+        motions are free. The rigid obstacles of `contacts`, by their names, move with the point; without `boundary` and `nodes` they are a
+        free rigid body, whose d + 1 nodes `u` has at its end."""
+        where = {"boundary": boundary, "nodes": nodes, "contacts": contacts, "point": point, "kind": kind, "free": free}
         motions = {"x": x, "y": y, "z": z, "rx": rx, "ry": ry, "rz": rz}
         return self.add("coupling", **where, **motions, force=force, moment=moment, factors=factors, **more)
 
@@ -315,6 +321,19 @@ class Model:
         """Repeat the sector from the boundary `low` to `high` about an axis (``axis={"point": [0, 0]}``, in space with a direction), so that as
         many sectors make the whole body; the meshes of both sides need not match."""
         return self.add("cyclic", low=low, high=high, axis=axis, sectors=sectors, **more)
+
+    def equation(
+        self,
+        terms: Sequence[Mapping[str, Any]],
+        *,
+        value: float | None = None,
+        factors: Sequence[float] | None = None,
+        **more: Any,
+    ) -> Model:
+        """Make a sum of displacements equal to a `value` in m (default: 0). A term has factors along the axes, of the node nearest to a point
+        (``{"point": [2, 0], "x": 1}``) or of sets of nodes (``{"nodes": "right", "x": 1}``), which make an equation for each of their nodes, in
+        the order of the mesh."""
+        return self.add("equation", terms=terms, value=value, factors=factors, **more)
 
     def steps(self, factors: Sequence[float]) -> Model:
         """Make load steps: the factor of loads and prescribed displacements in each, in order."""

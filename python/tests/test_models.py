@@ -230,6 +230,74 @@ def test_coupling(kind: str) -> None:
     assert solution.last.report["contacts"][0]["motion"][1] is None
 
 
+def test_an_obstacle_moves_with_a_point() -> None:
+    """A rigid plate pressed off the middle of a block: it goes down by F h/(E A) and turns by M h/(E I). That motion takes that force."""
+    mesh = signorini.rectangle([2, 1], [4, 2], order=2)
+    force, off, young = 4e5, 0.1, 2e9
+    turn = -force * off / (young * 8 / 12)
+    motion = [0.0, -force / (2 * young) + turn * off, turn]
+    for keywords in ({"force": [0, -force]}, {"y": motion[1], "rz": turn}):
+        model = signorini.Model(mesh).material(young=young, poisson=0).support("bottom", y=0).support(point=[1, 0], x=0)
+        model.contact("top", obstacle={"half_plane": {"point": [0, 1], "normal": [0, -1]}}, name="plate")
+        model.coupling(contacts="plate", point=[1 + off, 1], x=0, name="hand", **keywords)
+        solution = model.solve(tolerance=1e-10)
+        hand, plate = solution.contacts["hand"], solution.contacts["plate"]
+        assert hand.motion is not None
+        np.testing.assert_allclose(hand.motion, motion, atol=1e-7 * abs(motion[1]))
+        np.testing.assert_allclose(hand.force, [0, -force], atol=1e-7 * force)
+        np.testing.assert_allclose(hand.moment, 0, atol=1e-7 * force)
+        np.testing.assert_allclose(plate.force, [0, -force], atol=1e-7 * force)
+        # The point, and a place along each axis.
+        n = len(mesh.points)
+        assert solution.u.shape == (n + 3, 2)
+        np.testing.assert_allclose(solution.u[n], motion[:2], atol=1e-7 * abs(motion[1]))
+
+
+def test_supports_of_some_load_steps() -> None:
+    """A bar under F grows by l F/(E A). A clamp takes F over, and opens; a stated length is kept in some steps, with F of its own in them."""
+    mesh = signorini.rectangle([2, 1], [4, 2])
+    force, young = 4e6, 2e9
+    long = 2 * force / young
+    cases: list[tuple[dict[str, Any], list[float], list[float], list[float]]] = [
+        ({"x": 0, "active": [0, 1, 1, 0], "lock": [0, 1, 1, 0]}, [1, 1, 0, 0], [1, 1, 1, 0], [0, 0, 1, 0]),
+        ({"x": 2 * long, "active": [1, 0, 1, 1]}, [1, 1, 1, 0], [2, 1, 2, 2], [1, 0, 1, 2]),
+    ]
+    for keywords, factors, lengths, taken in cases:
+        model = signorini.Model(mesh).material(young=young, poisson=0).support("left", x=0).support(point=[0, 0], y=0)
+        model.support("right", name="end", **keywords).traction("right", x=force, factors=factors)
+        steps = model.steps([1, 1, 1, 1]).solve(tolerance=1e-10).steps
+        assert len(steps) == 4
+        for step, length, carried in zip(steps, lengths, taken):
+            np.testing.assert_allclose(step.u[:, 0], length * long * mesh.points[:, 0] / 2, atol=1e-8 * long)
+            assert [support.name for support in step.supports][2] == "end"
+            np.testing.assert_allclose(step.supports[2].force, [carried * force, 0], atol=1e-7 * force)
+            assert step.contacts == {}
+
+
+def test_equations() -> None:
+    """A periodic cell in plane stress: opposite sides differ by strain times length, and the multipliers pull with E ε."""
+    cells = signorini.rectangle([2, 1], [4, 2])
+    sides = {"low": np.flatnonzero(cells.points[:, 0] == 0), "high": np.flatnonzero(cells.points[:, 0] == 2)}
+    mesh = signorini.Mesh(cells.points, cells.cells, node_sets=sides)
+    strain, young = 1e-3, 2e9
+    model = signorini.Model(mesh).material(young=young, poisson=0.3).analysis(plane="plane_stress").support(point=[0, 0], x=0, y=0)
+    for axis, value in (("x", 2 * strain), ("y", None)):
+        terms = [{"nodes": "high", axis: 1}, {"nodes": "low", axis: -1}]
+        model.equation(terms, value=value, factors=[0.5, 1], name=f"along {axis}")
+    for step, part in zip(model.steps([1, 1]).solve(tolerance=1e-10).steps, (0.5, 1)):
+        expected = part * strain * mesh.points * [1, -0.3]
+        np.testing.assert_allclose(step.u, expected, atol=1e-8 * strain)
+        np.testing.assert_allclose(step.stress[:, 0], part * young * strain, rtol=1e-7)
+        np.testing.assert_allclose(step.contacts["along x"].normal_force, -part * young * strain, rtol=1e-7)
+        np.testing.assert_allclose(step.supports[0].force, 0, atol=1e-7 * young * strain)
+    # Between two nodes, along different axes.
+    model = block().traction("top", pressure=2e7)
+    model.equation([{"point": [3, 1], "y": 1}, {"point": [0.5, 1], "x": 2}], value=1e-5)
+    solution = model.solve(tolerance=1e-10)
+    at = [int(np.argmin(np.abs(model.mesh.points - x).sum(axis=1))) for x in ([3, 1], [0.5, 1])]
+    np.testing.assert_allclose(solution.u[at[0], 1] + 2 * solution.u[at[1], 0], 1e-5, rtol=1e-6)
+
+
 def test_load_steps() -> None:
     model = block(friction={"coulomb": 0.3}).traction("top", pressure=2e7).support("right", x=1e-4, factors=[0, 1, -1])
     solution = model.steps([1, 1, 1]).solve()
@@ -342,6 +410,8 @@ WRONG_TABLES = [
     ("support", {"boundary": 3, "x": 0}, "support, boundary: .*expected the name of a boundary"),
     ("support", {"boundary": "left", "y": 1 + 2j}, "y: complex is not a type"),
     ("support", {"boundary": "left", "xx": 0}, "did you mean"),
+    ("support", {"boundary": "left", "x": 0, "active": [1, 2]}, "active is 1 in load steps in which it acts"),
+    ("support", {"boundary": "left", "x": 0, "lock": [1, 0]}, "the first step has 0"),
     ("traction", {"boundary": "top"}, "a traction needs"),
     ("traction", {"boundary": "top", "force": [1, 2, 3]}, "traction, force: expected 2 entries, found 3"),
     ("contact", {"boundary": "bottom"}, "either against"),
@@ -356,6 +426,13 @@ WRONG_TABLES = [
     ("coupling", {"boundary": "left", "point": [3, 0.5], "rx": 0.1}, "z, rx and ry have no meaning here"),
     ("coupling", {"boundary": "left", "point": [3, 0.5], "moment": [1.0, 2.0]}, "in the plane a moment is one number"),
     ("coupling", {"boundary": "left", "point": [3, 0.5], "kind": "soft"}, "expected `rigid` or `distributing`"),
+    ("coupling", {"contacts": "plate", "point": [3, 0.5], "kind": "distributing"}, "obstacles are rigid: leave out kind and free"),
+    ("coupling", {"contacts": [], "point": [3, 0.5]}, "a list of contacts is empty"),
+    ("equation", {"value": 1.0}, "equation: missing field `terms`"),
+    ("equation", {"terms": []}, "an equation needs terms"),
+    ("equation", {"terms": [{"x": 1}]}, "needs one of nodes and point"),
+    ("equation", {"terms": [{"point": [0, 0]}]}, "needs a finite factor other than 0"),
+    ("equation", {"terms": [{"point": [0, 0], "x": 1}], "value": np.inf}, "the value of an equation must be finite"),
     ("wheel", {"radius": 1}, "wheel: unknown field"),
 ]
 
@@ -377,6 +454,8 @@ def test_faults_of_a_model_are_reported_when_it_is_built() -> None:
         (lambda m: m.steps([]), "steps: factors needs at least one number"),
         (lambda m: m.analysis(gravity=[0, -9.81]), "no material has a density"),
         (lambda m: m.material("body", young=1e9, poisson=0.3), "with several materials"),
+        (lambda m: m.coupling(contacts="floor", point=[0, 0]), 'there is no contact named "floor"'),
+        (lambda m: m.equation([{"nodes": "corner", "x": 1}]), 'there is no set of nodes "corner"'),
     ]
     for say, text in wrong:
         with pytest.raises(signorini.ModelError, match=text):

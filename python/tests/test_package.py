@@ -44,7 +44,7 @@ def test_stubs_are_complete() -> None:
 def test_keywords_of_models_are_keys_of_case_files() -> None:
     """Each keyword that is spelled out is one that the library knows: it complains of the value, never of the key."""
     bodies = ("material", "support", "foundation", "traction", "force", "body_force", "temperature")
-    for table in (*bodies, "contact", "tie", "spring", "preload", "coupling", "cyclic"):
+    for table in (*bodies, "contact", "tie", "spring", "preload", "coupling", "cyclic", "equation"):
         parameters = inspect.signature(getattr(signorini.Model, table)).parameters.values()
         for name in (p.name for p in parameters if p.name != "self" and p.kind is not p.VAR_KEYWORD):
             with pytest.raises(signorini.ModelError) as caught:

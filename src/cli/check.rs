@@ -331,8 +331,13 @@ where
         ));
         return;
     }
+    // It is told with the other supports.
+    if pair.kind == EntityKind::Support {
+        return;
+    }
     if pair.is_of_nodes() {
         let (word, between) = match pair.kind {
+            EntityKind::Equation => ("equation", "is"),
             EntityKind::Coupling => ("coupling", "with"),
             EntityKind::Preload => ("preload", "with"),
             EntityKind::Cyclic => ("cyclic", "to"),

@@ -76,9 +76,11 @@ where
     let mut kept = Vec::new();
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate.terms(0));
-        // On an obstacle a place moves with its node; its other nodes, if any, only weight the prescribed part.
+        // On an obstacle a place moves with its node, unless the obstacle moves; its other nodes, if any, only weight the prescribed
+        // part.
         let left = unknowns.free_part(candidate.own[0].0, candidate.frame[0]);
-        let is_held = candidate.partners.is_empty() && length(left) <= 1e-8;
+        let is_alone = candidate.partners.is_empty() && candidate.further.is_empty();
+        let is_held = is_alone && length(left) <= 1e-8;
         let is_tied = candidate.slip_bound == SlipBound::Tied;
         if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 && !is_tied {
             fixed.push((candidate.place.into(), candidate.gap, motion));
@@ -248,7 +250,10 @@ where
 
 /// The place with its tangents turned, in space, so that the first is perpendicular to the only direction in which
 /// supports hold all of its nodes: the direction left to slide along.
-fn turned<const D: usize>(place: &ContactPlace<D>, unknowns: &Unknowns<D>) -> ContactPlace<D> {
+pub(crate) fn turned<const D: usize>(
+    place: &ContactPlace<D>,
+    unknowns: &Unknowns<D>,
+) -> ContactPlace<D> {
     let mut place = place.clone();
     // Its further nodes have vectors for the directions as they are.
     if !place.further.is_empty() {

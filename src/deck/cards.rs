@@ -5,8 +5,9 @@ mod loads;
 mod points;
 
 use super::said::{
-    Adjust, Amplitude, Clearance, Equation, FrictionChange, Interaction, MaterialCard, PairCard,
-    PairChange, Refusal, Said, Section, SpringCard, StepCard, TieCard, Transform,
+    Adjust, Amplitude, Clearance, Equation, FrictionChange, GeneralEquation, Interaction,
+    MaterialCard, PairCard, PairChange, Refusal, Said, Section, SpringCard, StepCard, TieCard,
+    Transform,
 };
 use crate::mesh::abaqus::index::{Card, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
@@ -674,11 +675,18 @@ impl<'a> Said<'a> {
                         component: c as usize - 1,
                     });
                 }
-                _ => self.refuse(
+                _ if terms.iter().any(|&(_, c, _)| c > 3) => self.refuse(
                     line,
                     "EQUATION",
-                    "*EQUATION: displacements can only be made equal: two terms in one direction, with factors a and −a",
+                    "*EQUATION: nodes have displacements along x, y and z only (directions 1 to 3)",
                 ),
+                _ => {
+                    let terms = terms
+                        .iter()
+                        .map(|&(target, c, factor)| (target, c as usize - 1, factor));
+                    let terms = terms.collect();
+                    self.general_equations.push(GeneralEquation { line, terms });
+                }
             }
         }
         Ok(())

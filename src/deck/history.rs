@@ -44,9 +44,18 @@ impl<'a> Times<'a> {
 struct Setting {
     step: usize,
     line: usize,
-    /// None: it is removed.
-    value: Option<f64>,
+    to: To,
     amplitude: Option<usize>,
+}
+
+/// What an entry sets something to.
+#[derive(Clone, Copy, PartialEq)]
+enum To {
+    Value(f64),
+    /// It stays what it is at the beginning of the step.
+    Fixed,
+    /// It is removed.
+    Nothing,
 }
 
 /// Something that has a value, with the first line about it.
@@ -61,8 +70,27 @@ impl Track {
     /// The line of the deck that adds or removes it after the beginning.
     pub fn changes(&self) -> Option<usize> {
         let late = self.settings.first().filter(|first| first.step > 0);
-        let gone = || self.settings.iter().find(|setting| setting.value.is_none());
-        late.or_else(gone).map(|setting| setting.line)
+        let changes = |setting: &&Setting| !matches!(setting.to, To::Value(_));
+        let changed = || self.settings.iter().find(changes);
+        late.or_else(changed).map(|setting| setting.line)
+    }
+
+    /// For each load step 1 where it is there, and 1 where it is fixed; None where that is the same in all of them.
+    pub fn switches(&self, times: &Times) -> [Option<Vec<f64>>; 2] {
+        let state = |step: usize| {
+            let last = self.settings.iter().rfind(|setting| setting.step <= step);
+            last.map_or(To::Nothing, |setting| setting.to)
+        };
+        let list = |is: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            let steps = times.ends.iter().map(|end| end.0);
+            steps.map(|step| f64::from(u8::from(is(step)))).collect()
+        };
+        let there = list(&|step| state(step) != To::Nothing);
+        let fixed = list(&|step| state(step) == To::Fixed);
+        [
+            Some(there).filter(|list| list.contains(&0.0)),
+            Some(fixed).filter(|list| list.contains(&1.0)),
+        ]
     }
 
     /// Its value at the end of each load step, if it has been `start` before the first.
@@ -75,10 +103,12 @@ impl Track {
             let here = self.settings.iter().rfind(|setting| setting.step == step);
             let value = match here {
                 None => before,
-                Some(Setting {
-                    value, amplitude, ..
-                }) => {
-                    let target = value.unwrap_or(start);
+                Some(Setting { to: To::Fixed, .. }) => before,
+                Some(Setting { to, amplitude, .. }) => {
+                    let target = match to {
+                        To::Value(value) => *value,
+                        _ => start,
+                    };
                     match amplitude.map(|number| &times.said.amplitudes[number]) {
                         Some(amplitude) => {
                             let Amplitude { total, .. } = amplitude;
@@ -137,18 +167,46 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
         value: f64,
         amplitude: Option<usize>,
     ) {
-        let setting = Setting {
-            step,
-            line,
-            value: Some(value),
-            amplitude,
+        let to = To::Value(value);
+        self.add(
+            key,
+            origin,
+            Setting {
+                step,
+                line,
+                to,
+                amplitude,
+            },
+        );
+    }
+
+    /// Keeps what it is from a step on; in the first one it is nothing yet.
+    pub fn fix(&mut self, key: K, line: usize, origin: &str, step: usize) {
+        let to = match step {
+            0 => To::Value(0.0),
+            _ => To::Fixed,
         };
+        let amplitude = None;
+        self.add(
+            key,
+            origin,
+            Setting {
+                step,
+                line,
+                to,
+                amplitude,
+            },
+        );
+    }
+
+    fn add(&mut self, key: K, origin: &str, setting: Setting) {
+        let Setting { step, line, .. } = setting;
         match self.number.get(&key) {
             Some(&number) => {
                 let track = &mut self.all[number].1;
                 track.origin = origin.to_owned();
                 // An entry that is removed and set again in one step was never removed.
-                (track.settings).pop_if(|last| last.value.is_none() && last.step == step);
+                (track.settings).pop_if(|last| last.to == To::Nothing && last.step == step);
                 track.settings.push(setting);
             }
             None => {
@@ -169,12 +227,12 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             if track
                 .settings
                 .last()
-                .is_some_and(|last| last.value.is_some())
+                .is_some_and(|last| last.to != To::Nothing)
             {
                 track.settings.push(Setting {
                     step,
                     line,
-                    value: None,
+                    to: To::Nothing,
                     amplitude: None,
                 });
             }

@@ -93,6 +93,7 @@ pub(super) enum What<'a> {
     /// From a step on, displacements stay what they are at its beginning.
     Fixed {
         target: &'a str,
+        components: Vec<usize>,
     },
     /// Components from 0; those of rotations are 3 to 5.
     Force {
@@ -264,6 +265,13 @@ pub(super) struct Equation<'a> {
     pub component: usize,
 }
 
+/// Any other equation: the sum of its terms is zero.
+pub(super) struct GeneralEquation<'a> {
+    pub line: usize,
+    /// Nodes, or sets of them, each with a component, from 0, and its factor.
+    pub terms: Vec<(&'a str, usize, f64)>,
+}
+
 /// `*TRANSFORM`.
 pub(super) struct Transform<'a> {
     pub set: &'a str,
@@ -293,6 +301,7 @@ pub(super) struct Said<'a> {
     pub clearances: Vec<Clearance>,
     pub transforms: Vec<Transform<'a>>,
     pub equations: Vec<Equation<'a>>,
+    pub general_equations: Vec<GeneralEquation<'a>>,
     pub springs: Vec<SpringCard<'a>>,
     pub couplings: Vec<CouplingCard<'a>>,
     pub pretensions: Vec<PretensionCard<'a>>,

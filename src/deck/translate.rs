@@ -152,6 +152,7 @@ fn translated<const D: usize>(
     translation.distributed()?;
     translation.nodes(Kind::Force)?;
     translation.put_equal();
+    translation.put_equations()?;
     translation.put_points()?;
     translation.springs()?;
     translation.temperatures()?;

@@ -143,10 +143,14 @@ where
     /// The columns of a block row.
     fn columns(&self, row: usize, found: &mut Vec<u32>) {
         found.clear();
-        for &e in self.incidence.of(self.unknowns.node(row)) {
+        let here = self.unknowns.node(row);
+        for &e in self.incidence.of(here) {
             for &node in self.body.mesh.elements[e as usize].nodes() {
                 found.extend(self.unknowns.block(node));
             }
+        }
+        for (&(_, node, _), _) in self.unknowns.bedding().row(here) {
+            found.extend(self.unknowns.block(node));
         }
         found.sort_unstable();
         found.dedup();

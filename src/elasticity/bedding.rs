@@ -1,7 +1,7 @@
 //! Elastic foundations under boundaries: what K gets beside the elements.
 //!
 //! A foundation resists with a force per area in proportion to the displacement, ∫ v·(k_ν ν νᵀ + k_τ (I − ν νᵀ)) u ds. Both nodes of
-//! each of its blocks are of one facet, and so of one element: K has an entry for them already.
+//! each of its blocks are of one facet, and so of one element. The bars of nodes without a mesh are here, too.
 
 use crate::mesh::FacetPoint;
 use crate::mesh::vector::dot;
@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 
 /// A block of a foundation: its row and its column, both nodes, and the number of the support that the foundation is.
 pub(crate) type Place = (u32, u32, usize);
+
+/// In place of that number: a bar.
+const BAR: usize = usize::MAX;
 
 /// The stiffness of all foundations, in blocks of nodes.
 #[derive(Clone, Debug, Default)]
@@ -63,6 +66,17 @@ impl<const D: usize> Bedding<D> {
         }
     }
 
+    /// Adds a bar between two nodes along a unit vector, or from a node to the ground where both are the same.
+    pub fn add_bar(&mut self, [a, b]: [u32; 2], way: [f64; D], stiffness: f64) {
+        let block = |sign: f64| way.map(|v| way.map(|w| sign * stiffness * v * w));
+        self.add((a, a, BAR), block(1.0));
+        if a != b {
+            self.add((b, b, BAR), block(1.0));
+            self.add((a, b, BAR), block(-1.0));
+            self.add((b, a, BAR), block(-1.0));
+        }
+    }
+
     /// The same on the nodes that others follow: `follows` has what each node is the mean of, or nothing where it is itself.
     pub fn on_vertices(&self, follows: &[Vec<u32>]) -> Self {
         let mut made = Self::default();
@@ -83,12 +97,13 @@ impl<const D: usize> Bedding<D> {
         made
     }
 
-    /// The forces that displacements of the nodes take, in parts: node, number of the support, force.
+    /// The forces that displacements of the nodes of foundations take, in parts: node, number of the support, force.
     pub fn forces<'b>(
         &'b self,
         displacement: &'b [[f64; D]],
     ) -> impl Iterator<Item = (u32, usize, [f64; D])> + 'b {
-        self.blocks.iter().map(|(&(a, b, support), block)| {
+        let of_foundations = self.blocks.iter().filter(|(place, _)| place.2 != BAR);
+        of_foundations.map(|(&(a, b, support), block)| {
             let u = displacement[b as usize];
             (a, support, block.map(|row| dot(row, u)))
         })

@@ -115,7 +115,12 @@ where
             area: &mut area,
         }));
     }
-    for (stress, area) in at_nodes.iter_mut().zip(area) {
+    // Nodes of obstacles that move are in no element.
+    let of_elements = at_nodes
+        .iter_mut()
+        .zip(area)
+        .filter(|(_, area)| *area != 0.0);
+    for (stress, area) in of_elements {
         let sum = std::mem::take(stress);
         stress.add(1.0 / area, sum);
     }

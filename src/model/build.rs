@@ -135,6 +135,17 @@ where
                 "several ranks need geometry = \"small\": solve large displacements in one process",
             ));
         }
+        if let Some(i) = (self.definition.couplings.iter()).position(|one| one.is_bare()) {
+            return Err(self.definition.couplings[i].entity(i).error(
+                "several ranks cannot move obstacles without nodes of bodies yet: solve the model in one process, or fix the obstacles \
+                 to a boundary",
+            ));
+        }
+        if let Some(i) = (self.definition.supports.iter()).position(|one| one.changes()) {
+            return Err(self.definition.supports[i].entity(i).error(
+                "several ranks need supports that act in all load steps: solve the model in one process",
+            ));
+        }
         let start = Instant::now();
         let (mut elastic, _) = self.draft()?;
         elastic.assembly_seconds = start.elapsed().as_secs_f64();
@@ -166,6 +177,7 @@ where
             }
             cuts.push(cut);
         }
+        definition.add_carriers(&mut mesh);
         let materials = definition.materials(&mesh)?;
         match definition.is_large() {
             true => definition.check_large(&materials)?,
@@ -209,7 +221,7 @@ where
         }
         definition.count_places(&mesh, &contact, &pair_of, &is_met, &mut candidates.pairs)?;
 
-        let support_centres = definition.support_centres(&body, &prescriptions);
+        let support_centres = definition.support_centres(&body);
         let elastic = Elastic {
             plane: definition.plane(),
             thickness: definition.thickness(),

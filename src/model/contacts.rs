@@ -26,6 +26,8 @@ where
 {
     /// Its kind: a contact, a tie, or what else has rows of this form.
     pub kind: EntityKind,
+    /// Its number among its kind.
+    pub number: usize,
     /// Its own name, if any.
     pub name: Option<String>,
     /// The boundary that carries the multipliers; several in one text.
@@ -83,6 +85,7 @@ where
     ) -> Self {
         Self {
             kind,
+            number: 0,
             drives: Vec::new(),
             name: name.clone(),
             boundary,
@@ -555,18 +558,31 @@ where
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         let preloads = self.preloads.iter().zip(&self.sections);
         let preloads = preloads.map(|(one, section)| Ok(one.find(body.mesh, section, &units)));
-        let couplings = (self.couplings.iter()).map(|coupling| coupling.find(body, &units));
+        let coupled = self.coupled(body)?;
+        let couplings = self.couplings.iter().zip(&coupled);
+        let couplings = couplings.map(|(one, coupled)| one.find(body, coupled, &units));
         let cyclics = (self.cyclics.iter()).map(|cyclic| cyclic.find(body, &sliding.held));
+        let equations = (self.equations.iter()).map(|equation| equation.find(body, &units));
+        let changing = self.supports.iter().filter(|support| support.changes());
+        let changing = changing.map(|support| support.find(body));
         let found = pairs.chain(equals).chain(springs);
         let found = found.chain(preloads).chain(couplings).chain(cyclics);
-        for (number, found) in found.enumerate() {
-            let (mut places, data) =
+        let found = found.chain(equations).chain(changing);
+        let parts = self.connections().map(|(number, _)| number);
+        for ((number, found), of_kind) in found.enumerate().zip(parts) {
+            let (mut places, mut data) =
                 found.map_err(|fault| self.pair_entity(number).error(fault))?;
+            data.number = of_kind;
             let before = places_of_all.len() as u32;
             places.iter_mut().for_each(|place| place.pool += before);
             pair_of.extend(places.iter().map(|_| number as u32));
             places_of_all.extend(places);
             data_of_all.push(data);
+        }
+        for (of, coupled) in self.obstacles_of()?.iter().zip(&coupled) {
+            let places = pair_of.iter().zip(&mut places_of_all);
+            let carried = places.filter(|(pair, _)| of.contains(pair));
+            carried.for_each(|(_, place)| coupled.carry(place, unknowns));
         }
         Ok(Candidates {
             places: places_of_all,
@@ -720,8 +736,10 @@ where
             let factors = (self.supports.iter().map(|s| &s.factors))
                 .chain(self.couplings.iter().map(|c| c.load_factors()))
                 .chain(self.preloads.iter().map(|p| p.load_factors()))
+                .chain(self.equations.iter().map(|e| e.load_factors()))
                 .map(|factors| self.factor(factors, end_of(step)).to_bits());
-            if !seen.insert(factors.collect::<Vec<_>>()) {
+            let acts = (self.supports.iter()).map(|support| support.acts(step).into());
+            if !seen.insert(factors.chain(acts).collect::<Vec<u64>>()) {
                 continue;
             }
             let later;

@@ -1,23 +1,41 @@
-//! Rows whose motion a load step states, or the force in place of it: preloads and couplings.
+//! Rows whose motion a load step states, or the force in place of it: preloads, couplings, equations, and supports that do not always
+//! act.
 //!
 //! Such a row measures one motion: the shortening of a bolt, a displacement or rotation of a coupled point. With a stated motion it is
 //! tied, its multiplier is the force. With a stated force, which is a load, it does not act.
 
 use super::entities::Part as _;
+use super::error::EntityKind;
 use super::loads::end_of;
 use super::{Definition, ModelError, PairData};
-use crate::contact::Space;
+use crate::contact::{ContactPlace, SlipBound, Space};
 use crate::elasticity::Body;
 use crate::mesh::ElementKind;
 use serde::{Deserialize, Serialize};
 
-/// A motion that a row of a preload or a coupling measures.
+/// A motion that a row measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Of a coupled point: along the axes, then about them; 0 of a preload.
+    /// Of a coupled point: along the axes, then about them; 0 of everything else.
     pub component: usize,
     /// The motion is what the row measures over this, and the force what its multiplier is times this.
     pub size: f64,
+    /// The motion that is stated under the load factor 1; None: it is free, or follows from a force. (A preload states its own.)
+    pub motion: Option<f64>,
+    /// The force that is stated under the load factor 1.
+    pub force: f64,
+}
+
+impl Drive {
+    /// Of a motion that is stated.
+    pub(super) fn moved(motion: f64) -> Self {
+        Self {
+            component: 0,
+            size: 1.0,
+            motion: Some(motion),
+            force: 0.0,
+        }
+    }
 }
 
 /// The state of such a row in a load step.
@@ -33,16 +51,36 @@ pub struct Driven {
     pub locked: bool,
 }
 
+/// A node with the vector that its displacement is multiplied by.
+pub(super) type Term<const D: usize> = (u32, [f64; D]);
+
+/// A place, known by its pool, with one row: the sum of these terms. A force along the first direction of the frame belongs to it.
+pub(super) fn measured<const D: usize>(
+    (place, pool): ([f64; D], u32),
+    own: u32,
+    frame: [[f64; D]; D],
+    terms: Vec<Term<D>>,
+) -> ContactPlace<D> {
+    ContactPlace {
+        place,
+        node: None,
+        own: vec![(own, 1.0)],
+        partners: Vec::new(),
+        directed: vec![Default::default(); D],
+        further: vec![terms],
+        frame,
+        gap: 0.0,
+        area: 1.0,
+        pool,
+        slip_bound: SlipBound::Tied,
+        compliance: [0.0; 2],
+    }
+}
+
 impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// The number of the first preload, and of the first coupling, among all contacts.
-    fn first_driven(&self) -> [usize; 2] {
-        let first = self.pairs.len() + self.ties.len() + self.equals.len() + self.springs.len();
-        [first, first + self.preloads.len()]
-    }
-
     /// The state of all such rows in a load step, counted from 0; `pair_of` has the contact of each row.
     pub(super) fn driven(
         &self,
@@ -50,29 +88,34 @@ where
         pair_of: &[u32],
         step: usize,
     ) -> Vec<Driven> {
-        let [preloads, couplings] = self.first_driven();
+        let parts: Vec<(EntityKind, usize)> = (self.connections())
+            .map(|(number, part)| (part.facts().kind, number))
+            .collect();
         let mut all = Vec::new();
         let mut before = None;
         let mut within = 0;
         for (row, &pair) in pair_of.iter().enumerate() {
             within = if before == Some(pair) { within + 1 } else { 0 };
             before = Some(pair);
-            let number = pair as usize;
-            let Some(drive) = pairs[number].drives.get(within) else {
+            let Some(drive) = pairs[pair as usize].drives.get(within) else {
                 continue;
             };
-            let (motion, force, locked) = match number.checked_sub(couplings) {
-                None => self.preloads[number - preloads].state(self, step),
-                Some(coupling) => {
-                    let coupling = &self.couplings[coupling];
-                    let factor = self.factor(coupling.load_factors(), end_of(step));
-                    let motion = coupling.motion(drive.component);
-                    let force = coupling.load(drive.component);
-                    (
-                        motion.map(|motion| factor * drive.size * motion),
-                        factor * force / drive.size,
-                        false,
-                    )
+            let (kind, number) = parts[pair as usize];
+            let under = |factors: &Option<Vec<f64>>| {
+                let factor = self.factor(factors, end_of(step));
+                let motion = drive.motion.map(|motion| factor * drive.size * motion);
+                (motion, factor * drive.force / drive.size, false)
+            };
+            let (motion, force, locked) = match kind {
+                EntityKind::Preload => self.preloads[number].state(self, step),
+                EntityKind::Coupling => under(self.couplings[number].load_factors()),
+                EntityKind::Equation => under(self.equations[number].load_factors()),
+                _ => {
+                    let support = &self.supports[number];
+                    match support.acts(step) {
+                        true if !support.locks(step) => under(&support.factors),
+                        acts => (None, 0.0, acts),
+                    }
                 }
             };
             all.push(Driven {
@@ -101,7 +144,7 @@ where
         for (number, coupling) in self.couplings.iter().enumerate() {
             let factor = self.factor(coupling.load_factors(), end_of(step));
             coupling
-                .push(body, factor, forces)
+                .push(body, self.carrier(number), factor, forces)
                 .map_err(|fault| coupling.entity(number).error(fault))?;
         }
         Ok(())

@@ -117,6 +117,18 @@ pub(super) fn by_step<'p, const N: usize>(
         .collect()
 }
 
+/// The flaw of a list that says in which load steps something acts, if it has other numbers than 0 and 1.
+pub(super) fn not_a_switch(key: &'static str, steps: &Option<Vec<f64>>) -> Option<Flaw> {
+    let fits = |v: &f64| *v == 0.0 || *v == 1.0;
+    let text = match key {
+        "active" => "active is 1 in load steps in which it acts, and 0 in the others",
+        _ => {
+            "lock is 1 in load steps in which it holds its nodes where they are, and 0 in the others"
+        }
+    };
+    (!steps.iter().flatten().all(fits)).then(|| Flaw::of(key, text))
+}
+
 /// The common method of parts that results mention: a name.
 macro_rules! with_a_name {
     ($part:ident) => {
@@ -291,6 +303,10 @@ pub struct Support<const D: usize = 2> {
     pub(super) symmetry: bool,
     pub(super) rotate: Option<Turn<D>>,
     pub(super) factors: Option<Vec<f64>>,
+    /// 1 in load steps in which it acts, 0 in the others.
+    pub(super) active: Option<Vec<f64>>,
+    /// 1 in load steps in which it holds its nodes where they are, 0 in the others.
+    pub(super) lock: Option<Vec<f64>>,
 }
 
 /// The place of a support, or a force.
@@ -412,6 +428,19 @@ impl<const D: usize> Support<D> {
         self
     }
 
+    /// Acts only in the load steps that have 1, not in those that have 0: its nodes are free there.
+    pub fn active(mut self, steps: impl Into<Vec<f64>>) -> Self {
+        self.active = Some(steps.into());
+        self
+    }
+
+    /// In the load steps that have 1, its nodes stay where they are at the end of the step before, whatever it prescribes; the first
+    /// step has 0.
+    pub fn locked_in(mut self, steps: impl Into<Vec<f64>>) -> Self {
+        self.lock = Some(steps.into());
+        self
+    }
+
     /// All quantities that it prescribes.
     pub(super) fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity<D>> {
         let along = [&mut self.x, &mut self.y, &mut self.z];
@@ -445,7 +474,11 @@ impl<const D: usize> Part for Support<D> {
             kind: EntityKind::Support,
             name: self.name.as_deref(),
             place: self.stated_target().map_or(String::new(), Target::place),
-            factors: by_step([("factors", &self.factors)]),
+            factors: by_step([
+                ("factors", &self.factors),
+                ("active", &self.active),
+                ("lock", &self.lock),
+            ]),
         }
     }
 
@@ -460,6 +493,17 @@ impl<const D: usize> Part for Support<D> {
         }
         if let Some(fault) = target.fault() {
             return Some(fault.into());
+        }
+        if let Some(flaw) = not_a_switch("active", &self.active) {
+            return Some(flaw);
+        }
+        if let Some(flaw) = not_a_switch("lock", &self.lock) {
+            return Some(flaw);
+        }
+        if (self.lock.iter()).any(|steps| steps.first() == Some(&1.0)) {
+            let text =
+                "lock holds nodes where the load step before has left them: the first step has 0";
+            return Some(Flaw::of("lock", text));
         }
         if let Some(turn) = &self.rotate {
             let alone = (around || self.symmetry).then_some(
@@ -492,6 +536,9 @@ impl<const D: usize> Part for Support<D> {
         }
         if let Some(factors) = &self.factors {
             what.push(format!("factors {factors:?}"));
+        }
+        for (key, steps) in [("active", &self.active), ("lock", &self.lock)] {
+            what.extend(steps.as_ref().map(|steps| format!("{key} {steps:?}")));
         }
         let text = format!("\"{}\": {}", self.name(), what.join(", "));
         Some(("support", text))

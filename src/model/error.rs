@@ -71,6 +71,8 @@ pub enum EntityKind {
     Coupling,
     /// Sectors.
     Cyclic,
+    /// A linear equation.
+    Equation,
     /// The thickness.
     Thickness,
     /// Gravity.
@@ -202,6 +204,7 @@ impl EntityKind {
             Self::Preload => ["preload", "preload", "preloads"],
             Self::Coupling => ["coupling", "coupling", "couplings"],
             Self::Cyclic => ["cyclic", "cyclic symmetry", "cyclic symmetries"],
+            Self::Equation => ["equation", "equation", "equations"],
             Self::Thickness => ["analysis.thickness", "thickness", "thickness"],
             Self::Gravity => ["analysis.gravity", "gravity", "gravity"],
             Self::Steps => ["steps", "load steps", "load steps"],

@@ -31,12 +31,13 @@ pub(crate) use meeting::Touch;
 use std::array::from_fn;
 
 /// What is not known yet where displacements are large.
-const SMALL: [EntityKind; 5] = [
+const SMALL: [EntityKind; 6] = [
     EntityKind::Foundation,
     EntityKind::Spring,
     EntityKind::Preload,
     EntityKind::Coupling,
     EntityKind::Cyclic,
+    EntityKind::Equation,
 ];
 
 /// Loads, supports and obstacles at a time.
@@ -182,6 +183,11 @@ where
                 _ => continue,
             };
             return Err(pair.entity(i).error(text));
+        }
+        if let Some(i) = self.supports.iter().position(|one| one.changes()) {
+            return Err(self.supports[i].entity(i).error(
+                "active and lock need geometry = \"small\": where displacements are large they are not known yet",
+            ));
         }
         let small = |part: &(usize, &dyn Part)| SMALL.contains(&part.1.facts().kind);
         if let Some((number, part)) = self.parts().find(small) {

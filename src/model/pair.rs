@@ -1,6 +1,6 @@
 //! A contact or a tie of a model, as stated.
 
-use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, with_a_name};
+use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, not_a_switch, with_a_name};
 use super::error::EntityKind;
 use super::motion::Motion;
 use super::stated::{self, Flaw};
@@ -374,12 +374,10 @@ impl<const D: usize> Pair<D> {
         let any = |list: &Option<Vec<f64>>, bad: fn(f64) -> bool| {
             list.as_ref().is_some_and(|all| all.iter().any(|&v| bad(v)))
         };
-        let text = if any(&self.active, |v| v != 0.0 && v != 1.0) {
-            (
-                "active",
-                "active is 1 in load steps in which it acts, and 0 in the others",
-            )
-        } else if any(&self.friction_factors, |v| !(v >= 0.0 && v.is_finite())) {
+        if let Some(flaw) = not_a_switch("active", &self.active) {
+            return Some(flaw);
+        }
+        let text = if any(&self.friction_factors, |v| !(v >= 0.0 && v.is_finite())) {
             (
                 "friction_factors",
                 "friction_factors must be finite and not negative",

@@ -373,8 +373,8 @@ where
         let data = PairData {
             tied: true,
             drives: vec![Drive {
-                component: 0,
-                size: 1.0,
+                motion: None,
+                ..Drive::moved(0.0)
             }],
             ..PairData::between(
                 EntityKind::Preload,

@@ -71,10 +71,14 @@ pub(super) struct Prescriptions<const D: usize> {
 }
 
 /// The nodes of a support, with the directions and quantities that it prescribes of each.
-type Held<'s, const D: usize> = Vec<(u32, Vec<(Way<D>, &'s Quantity<D>)>)>;
+pub(super) type Held<'s, const D: usize> = Vec<(u32, Vec<(Way<D>, &'s Quantity<D>)>)>;
 
 impl<const D: usize> Support<D> {
-    fn nodes<'s>(&'s self, mesh: &Mesh<D>, zero: &'s Quantity<D>) -> Result<Held<'s, D>, Fault>
+    pub(super) fn nodes<'s>(
+        &'s self,
+        mesh: &Mesh<D>,
+        zero: &'s Quantity<D>,
+    ) -> Result<Held<'s, D>, Fault>
     where
         ElementKind: Topology<D>,
     {
@@ -450,9 +454,12 @@ where
             let number = self.supports.len() + number;
             bedding.add_point(number, nodes, point, weight, stiffness);
         })?;
+        self.put_trusses(mesh, body.materials, &mut bedding);
         let zero = Quantity::from(0.0);
         let mut all = Vec::new();
-        for (number, support) in self.supports.iter().enumerate() {
+        // Those that change hold by rows.
+        let lasting = self.supports.iter().enumerate();
+        for (number, support) in lasting.filter(|(_, support)| !support.changes()) {
             let nodes = support.nodes(mesh, &zero);
             for (node, ways) in nodes.map_err(|fault| support.entity(number).error(fault))? {
                 for (way, quantity) in ways {
@@ -487,16 +494,12 @@ where
     }
 
     /// The centroid of the boundaries of each support, its node, or the mean of its nodes; after them those of foundations.
-    pub(super) fn support_centres(
-        &self,
-        body: &Body<D>,
-        prescriptions: &Prescriptions<D>,
-    ) -> Vec<[f64; D]> {
-        let centre = |(number, support): (usize, &Support<D>)| {
+    pub(super) fn support_centres(&self, body: &Body<D>) -> Vec<[f64; D]> {
+        let zero = Quantity::from(0.0);
+        let centre = |support: &Support<D>| {
             let Target::Boundary(names) = support.target() else {
-                let own = prescriptions.all.iter().filter(|p| p.support == number);
-                let mut nodes: Vec<u32> = own.map(|p| p.node).collect();
-                nodes.dedup();
+                let held = support.nodes(body.mesh, &zero).unwrap_or_default();
+                let nodes: Vec<u32> = held.into_iter().map(|held| held.0).collect();
                 let share = 1.0 / nodes.len().max(1) as f64;
                 let places = nodes.iter().map(|&node| body.mesh.nodes[node as usize]);
                 return places.fold([0.0; D], |mean, x| {
@@ -516,9 +519,7 @@ where
             let facets = outer_facets(body.mesh, foundation.boundary.all());
             centroid(body, &facets.unwrap_or_default())
         });
-        (self.supports.iter().enumerate().map(centre))
-            .chain(beds)
-            .collect()
+        (self.supports.iter().map(centre)).chain(beds).collect()
     }
 
     /// The numbering of the free components, with the prescribed displacements of all nodes in a step.

@@ -65,7 +65,7 @@ where
     let by_force = |driven: &&Driven| driven.motion.is_none() && !driven.locked;
     let driven = of.data.driven.iter().filter(by_force);
     driven.filter_map(move |driven| {
-        let contact = &contacts[elastic.pair_of[driven.row] as usize];
+        let contact = contacts.get(elastic.pair_of[driven.row] as usize)?;
         let (tension, shortening) = (contact.tension?, contact.shortening?);
         let cube = tension.abs() / (stiffest * contact.area.sqrt());
         (shortening.abs() < HELD * cube).then(|| {

@@ -229,7 +229,13 @@ where
         let pair = elastic.pair_of[driven.row];
         let first = elastic.pair_of.partition_point(|&other| other < pair);
         let (data, contact) = (&elastic.pairs[pair as usize], &mut contacts[pair as usize]);
-        let Drive { component, size } = data.drives[driven.row - first];
+        let Drive {
+            component, size, ..
+        } = data.drives[driven.row - first];
+        // An equation has no point, and a support is no contact.
+        if !matches!(data.kind, EntityKind::Preload | EntityKind::Coupling) {
+            continue;
+        }
         let moved = (driven.motion.unwrap_or(0.0) - fields.gap[driven.row]) / size;
         let force = (driven.force - normal[driven.row]) * size;
         let place = &elastic.contact.places[first];
@@ -257,6 +263,10 @@ where
             Some(about) => contact.moment[about] = force,
         }
     }
+    // Those of supports are among the forces on supports: they come last.
+    let supports = elastic
+        .pairs
+        .partition_point(|pair| pair.kind != EntityKind::Support);
     // Places of one pool have one pressure.
     let mut seen = HashSet::new();
     for (i, pressure) in fields.pressure.iter().enumerate() {
@@ -266,6 +276,7 @@ where
             contact.peaks += 1;
         }
     }
+    contacts.truncate(supports);
     contacts
 }
 
@@ -359,6 +370,13 @@ where
             Some(frame) => force = frame[c].map(|way| dot(frame[c], rest) * way),
         }
         carry(node, number, force);
+    }
+    for (row, place) in elastic.contact.places.iter().enumerate() {
+        let pair = &elastic.pairs[elastic.pair_of[row] as usize];
+        if let (EntityKind::Support, Some(node)) = (pair.kind, place.node) {
+            let force = place.frame[0].map(|way| -normal[row] * way);
+            carry(node, pair.number, force);
+        }
     }
     for (node, number, taken) in data.unknowns.bedding().forces(displacement) {
         carry(node, number, taken.map(|f| -f));

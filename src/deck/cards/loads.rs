@@ -53,7 +53,12 @@ impl<'a> Said<'a> {
             let all: Vec<&str> = entries(text).map(plain).collect();
             let made = match kind {
                 Kind::Boundary => match (self.boundary(line, &all)?, is_fixed) {
-                    (Some(What::Boundary { target, .. }), true) => Some(What::Fixed { target }),
+                    (
+                        Some(What::Boundary {
+                            target, components, ..
+                        }),
+                        true,
+                    ) => Some(What::Fixed { target, components }),
                     (made, _) => made,
                 },
                 Kind::Force => self.force(line, &all)?,

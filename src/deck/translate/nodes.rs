@@ -4,7 +4,7 @@ use super::{Result, Translation, quantities, with_factors};
 use crate::deck::history::{Tracks, factors};
 use crate::deck::said::{Kind, Transform, What};
 use crate::mesh::vector::{cross, minus, unit};
-use crate::model::{AXES, Axis, Equal, Force, Number, Support};
+use crate::model::{AXES, Axis, Equal, Equation, Force, Number, Support};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Nodes of bodies whose displacements along an axis are equal.
@@ -25,6 +25,7 @@ struct Same {
     nodes: Vec<u32>,
     transform: Option<usize>,
     origin: String,
+    switches: Switches,
 }
 
 /// The common entry of nodes in one table.
@@ -35,7 +36,11 @@ struct Table {
     origin: String,
     components: Vec<(usize, f64)>,
     factors: Option<Vec<f64>>,
+    switches: Switches,
 }
+
+/// Of a support: the load steps in which it acts, and those in which it holds its nodes where they are.
+type Switches = [Option<Vec<f64>>; 2];
 
 impl<const D: usize> Translation<'_, '_, D> {
     /// The number of the transform that turns the directions of a node; the last that names it.
@@ -157,6 +162,67 @@ impl<const D: usize> Translation<'_, '_, D> {
         }
     }
 
+    /// All other equations, one for each choice of nodes.
+    pub(super) fn put_equations(&mut self) -> Result<()> {
+        let transforms = self.transforms()?;
+        let said = self.said;
+        // The sets of single nodes.
+        let mut names: BTreeMap<u32, String> = BTreeMap::new();
+        for general in &said.general_equations {
+            let line = general.line;
+            let sets = general
+                .terms
+                .iter()
+                .map(|&(target, ..)| self.index.nodes(line, target));
+            let sets = sets.collect::<Result<Vec<Vec<u32>>>>()?;
+            let count = sets.iter().map(Vec::len).max().unwrap_or(0);
+            if sets.iter().any(|set| set.len() != 1 && set.len() != count) {
+                let text = "*EQUATION: all sets must have the same number of nodes, or one";
+                return Err((line, text.to_owned()));
+            }
+            if sets
+                .iter()
+                .flatten()
+                .any(|node| transforms.contains_key(node))
+            {
+                let text = "*EQUATION: terms can be along the axes only, not in directions of a *TRANSFORM";
+                self.refuse(line, "EQUATION", text);
+                continue;
+            }
+            if sets.iter().flatten().any(|&node| !self.used[node as usize]) {
+                let text = "*EQUATION: a node belongs to no element of a body; with two terms and factors a and −a it may";
+                self.refuse(line, "EQUATION", text);
+                continue;
+            }
+            for i in 0..count {
+                let mut of_nodes: BTreeMap<u32, [f64; D]> = BTreeMap::new();
+                for (set, &(_, component, factor)) in sets.iter().zip(&general.terms) {
+                    if component < D {
+                        let here = of_nodes.entry(set[i % set.len()]).or_insert([0.0; D]);
+                        here[component] += factor;
+                    }
+                }
+                let some = of_nodes.iter().filter(|(_, factors)| **factors != [0.0; D]);
+                let mut equation = Equation::of(0.0);
+                let mut any = false;
+                for (node, factors) in some {
+                    if !names.contains_key(node) {
+                        let name = self.name("node");
+                        self.index.add_nodes(&name, &[*node]);
+                        names.insert(*node, name);
+                    }
+                    equation = equation.nodes(&names[node], *factors);
+                    any = true;
+                }
+                if any {
+                    self.comes_from(line, "equation");
+                    self.definition.equations.push(equation);
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Supports or forces of nodes, a table for each set of nodes that have the same.
     pub(super) fn nodes(&mut self, kind: Kind) -> Result<()> {
         let transforms = self.transforms()?;
@@ -180,16 +246,12 @@ impl<const D: usize> Translation<'_, '_, D> {
                     component,
                     value,
                 } if kind == Kind::Force => (target, std::slice::from_ref(component), *value),
-                What::Fixed { target } if kind == Kind::Boundary => {
-                    let nodes = self.index.nodes(load.line, target)?;
-                    if nodes.iter().any(|node| !self.points.contains_key(node)) {
-                        let text = "*BOUNDARY, FIXED: only the node of a *PRE-TENSION SECTION can be fixed where it is";
-                        self.refuse(load.line, "BOUNDARY", text);
-                    }
-                    continue;
+                What::Fixed { target, components } if kind == Kind::Boundary => {
+                    (target, components, 0.0)
                 }
                 _ => continue,
             };
+            let is_fixed = matches!(load.what, What::Fixed { .. });
             let origin = self.index.set_name(true, target).map_or("", |_| target);
             for node in self.index.nodes(load.line, target)? {
                 // Reference nodes have been read already.
@@ -230,28 +292,48 @@ impl<const D: usize> Translation<'_, '_, D> {
                     }
                     for node in meant {
                         let key = (node, component);
-                        tracks.set(key, load.line, origin, step, value, load.amplitude);
+                        match is_fixed {
+                            true => tracks.fix(key, load.line, origin, step),
+                            false => {
+                                tracks.set(key, load.line, origin, step, value, load.amplitude)
+                            }
+                        }
                     }
                 }
             }
         }
-        type Key = (String, usize, Option<usize>, Vec<u64>, Option<u32>);
+        type Key = (
+            String,
+            usize,
+            Option<usize>,
+            Vec<u64>,
+            [Option<Vec<u64>>; 2],
+            Option<u32>,
+        );
         let mut same: BTreeMap<Key, Same> = BTreeMap::new();
         for ((node, component), track) in &tracks.all {
-            if let (Kind::Boundary, Some(line)) = (kind, track.changes()) {
+            // The one that is held stands for the others.
+            let is_alike = self.equal_of.contains_key(&(*component, *node));
+            if let (Kind::Boundary, true, Some(line)) = (kind, is_alike, track.changes()) {
                 if reported.insert(line) {
-                    let text = "*BOUNDARY: supports cannot be added or removed between steps; with OP=NEW repeat all \
-                                earlier ones";
+                    let text = "*BOUNDARY: the support of nodes that an *EQUATION moves alike cannot be added, removed or fixed between \
+                                steps";
                     self.refuse(line, "BOUNDARY", text);
                 }
                 continue;
             }
+            let switches = match kind {
+                Kind::Boundary => track.switches(&self.times),
+                _ => Switches::default(),
+            };
             let values = track.values(&self.times, 0.0);
             if kind == Kind::Force && values.iter().all(|&v| v == 0.0) {
                 continue;
             }
             let transform = transforms.get(node).copied();
-            let bits = values.iter().map(|v| v.to_bits()).collect();
+            let bits = |all: &Vec<f64>| all.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+            let of_switches = switches.each_ref().map(|list| list.as_ref().map(bits));
+            let bits = bits(&values);
             // The force on a node without a body acts on a node that moves alike, in addition to that node's own.
             let bare = Some(*node).filter(|&node| !self.used[node as usize]);
             let origin = match bare {
@@ -262,7 +344,14 @@ impl<const D: usize> Translation<'_, '_, D> {
                 (Some(_), Some(&number)) => self.equal[number].nodes[0],
                 _ => *node,
             };
-            let key = (origin.clone(), *component, transform, bits, bare);
+            let key = (
+                origin.clone(),
+                *component,
+                transform,
+                bits,
+                of_switches,
+                bare,
+            );
             let here = same.entry(key).or_insert_with(|| Same {
                 line: track.line,
                 component: *component,
@@ -270,6 +359,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 nodes: Vec::new(),
                 transform,
                 origin,
+                switches,
             });
             here.line = here.line.min(track.line);
             here.nodes.push(node);
@@ -367,7 +457,10 @@ impl<const D: usize> Translation<'_, '_, D> {
                 })
             }
         };
+        let [active, lock] = table.switches;
         let support = with_factors(support, table.factors, Support::factors);
+        let support = with_factors(support, active, Support::active);
+        let support = with_factors(support, lock, Support::locked_in);
         self.definition.supports.push(support);
         Ok(())
     }
@@ -387,7 +480,8 @@ fn merged(same: Vec<Same>) -> Vec<Table> {
         let fits = |&&number: &&usize| {
             let table: &Table = &tables[number];
             let zero = table.components.iter().all(|component| component.1 == 0.0);
-            table.factors == factors || value == 0.0 || zero
+            let alike = table.factors == factors || value == 0.0 || zero;
+            alike && table.switches == one.switches
         };
         let component = (one.component, value);
         match here.iter().find(fits) {
@@ -407,6 +501,7 @@ fn merged(same: Vec<Same>) -> Vec<Table> {
                     origin: one.origin,
                     components: vec![component],
                     factors,
+                    switches: one.switches,
                 });
             }
         }

@@ -51,13 +51,17 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.refuse(transform.line, "TRANSFORM", text);
             }
         }
-        for equation in &said.equations {
-            for side in equation.sides {
-                let nodes = self.index.nodes(equation.line, side)?;
-                if nodes.iter().any(|node| self.points.contains_key(node)) {
-                    let text = "*EQUATION: a reference node cannot depend on other nodes";
-                    self.refuse(equation.line, "EQUATION", text);
-                }
+        let equal = (said.equations.iter())
+            .flat_map(|equation| equation.sides.map(|side| (equation.line, side)));
+        let general = said.general_equations.iter().flat_map(|equation| {
+            let terms = equation.terms.iter();
+            terms.map(|&(target, ..)| (equation.line, target))
+        });
+        for (line, side) in equal.chain(general) {
+            let nodes = self.index.nodes(line, side)?;
+            if nodes.iter().any(|node| self.points.contains_key(node)) {
+                let text = "*EQUATION: a reference node cannot depend on other nodes";
+                self.refuse(line, "EQUATION", text);
             }
         }
         Ok(())
@@ -111,7 +115,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                         component,
                         value,
                     } => (target, std::slice::from_ref(component), *value, false),
-                    What::Fixed { target } => {
+                    What::Fixed { target, .. } => {
                         let here = self.index.nodes(line, target)?;
                         if here.iter().any(|node| nodes.contains_key(node)) {
                             fixed.get_or_insert((line, step));
