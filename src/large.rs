@@ -217,7 +217,7 @@ where
                 }
                 if off <= tolerance {
                     self.elastic.check_driven(&at)?;
-                    match self.elastic.is_pierced(&now, &at.touches) {
+                    match self.elastic.is_pierced(&now, &at.touches, moments[1]) {
                         Ok(false) => {}
                         Err(error) if !error.is_folded() => return Err(error.into()),
                         _ => return Ok(Err(Ended::Lost(Vec::new()))),

@@ -750,9 +750,10 @@ where
                     &later
                 }
             };
-            let driven: HashMap<usize, Option<f64>> = (self.driven(pairs, pair_of, step).iter())
-                .map(|driven| (driven.row, driven.motion))
-                .collect();
+            let driven: HashMap<usize, Option<f64>> =
+                (self.driven(pairs, pair_of, end_of(step)).iter())
+                    .map(|driven| (driven.row, driven.motion))
+                    .collect();
             let stated = |row: usize| driven.get(&row).copied().unwrap_or(Some(0.0));
             let Err(error) = contact.check_stated(unknowns, stated) else {
                 continue;

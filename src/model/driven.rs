@@ -81,13 +81,9 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// The state of all such rows in a load step, counted from 0; `pair_of` has the contact of each row.
-    pub(super) fn driven(
-        &self,
-        pairs: &[PairData<D>],
-        pair_of: &[u32],
-        step: usize,
-    ) -> Vec<Driven> {
+    /// The state of all such rows at a time, where 1 is the end of the first load step; `pair_of` has the contact of each row.
+    pub(super) fn driven(&self, pairs: &[PairData<D>], pair_of: &[u32], time: f64) -> Vec<Driven> {
+        let step = (time.ceil() as usize).saturating_sub(1);
         let parts: Vec<(EntityKind, usize)> = (self.connections())
             .map(|(number, part)| (part.facts().kind, number))
             .collect();
@@ -102,7 +98,7 @@ where
             };
             let (kind, number) = parts[pair as usize];
             let under = |factors: &Option<Vec<f64>>| {
-                let factor = self.factor(factors, end_of(step));
+                let factor = self.factor(factors, time);
                 let motion = drive.motion.map(|motion| factor * drive.size * motion);
                 (motion, factor * drive.force / drive.size, false)
             };

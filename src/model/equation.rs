@@ -191,7 +191,10 @@ where
             let terms: Vec<_> = terms.collect();
             let own = terms[0].0;
             let at = (body.mesh.nodes[own as usize], i as u32);
-            measured(at, own, [[0.0; D]; D], terms)
+            // Any direction: it carries the multiplier.
+            let mut frame = [[0.0; D]; D];
+            frame[0][0] = 1.0;
+            measured(at, own, frame, terms)
         });
         let told: Vec<String> = self.terms.iter().map(Summand::told).collect();
         let data = PairData {

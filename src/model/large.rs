@@ -7,13 +7,13 @@
 mod meeting;
 mod turning;
 
-use super::Definition;
 use super::build::problem_of;
 use super::elastic::Elastic;
 use super::entities::Part;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{StepData, TemperatureField, outer_facets};
 use super::pair::Law;
+use super::{Definition, Driven};
 use crate::contact::{ContactPlace, ContactRows, Space, contact_rows};
 use crate::elasticity::{
     Body, Deformed, Loose, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
@@ -21,7 +21,7 @@ use crate::elasticity::{
 use crate::mesh::bounds;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Topology, facet_nodes};
-use crate::problem::{ContactProblem, Elsewhere, FloatingBody, Kkt, Scales};
+use crate::problem::{ContactProblem, Elsewhere, FloatingBody, Kkt, Scales, UNREACHABLE};
 use crate::quasistatic::{Load, State, lawful};
 use crate::rounding::ROUNDING;
 use crate::sparse::{norm, norm_max};
@@ -29,15 +29,15 @@ use crate::ssnm::Sets;
 use meeting::Meeting;
 pub(crate) use meeting::Touch;
 use std::array::from_fn;
+use std::collections::HashMap;
 
 /// What is not known yet where displacements are large.
-const SMALL: [EntityKind; 6] = [
+const SMALL: [EntityKind; 5] = [
     EntityKind::Foundation,
     EntityKind::Spring,
     EntityKind::Preload,
     EntityKind::Coupling,
     EntityKind::Cyclic,
-    EntityKind::Equation,
 ];
 
 /// Loads, supports and obstacles at a time.
@@ -55,6 +55,17 @@ pub(crate) struct Moment<const D: usize> {
     motions: Vec<f64>,
     /// The part of overlaps that has been pressed apart: it grows in the first load step.
     grown: f64,
+    /// The state of rows that are driven, by the numbers of their candidates.
+    driven: HashMap<usize, Driven>,
+    /// What the coefficient of each contact is multiplied by; None where it does not act.
+    friction: Vec<Option<f64>>,
+}
+
+impl<const D: usize> Moment<D> {
+    /// Whether a pair acts; ties always do.
+    fn acts(&self, pair: u32) -> bool {
+        self.friction.get(pair as usize).is_none_or(Option::is_some)
+    }
 }
 
 /// Bodies in balance at the end of a load step, or of a part of one.
@@ -174,9 +185,6 @@ where
     pub(super) fn check_large(&self, materials: &[Material]) -> Result<(), ModelError> {
         for (i, pair) in self.pairs.iter().enumerate() {
             let text = match &pair.law {
-                _ if pair.has_steps() => {
-                    "active and friction_factors need geometry = \"small\": where displacements are large they are not known yet"
-                }
                 Law::Tresca(_) => {
                     "where displacements are large, friction is Coulomb's: friction = { coulomb = … }"
                 }
@@ -184,9 +192,9 @@ where
             };
             return Err(pair.entity(i).error(text));
         }
-        if let Some(i) = self.supports.iter().position(|one| one.changes()) {
-            return Err(self.supports[i].entity(i).error(
-                "active and lock need geometry = \"small\": where displacements are large they are not known yet",
+        if let Some(i) = self.ties.iter().position(|tie| tie.has_steps()) {
+            return Err(self.ties[i].entity(i).error(
+                "ties that change need geometry = \"small\": where displacements are large they are not known yet",
             ));
         }
         let small = |part: &(usize, &dyn Part)| SMALL.contains(&part.1.facts().kind);
@@ -249,6 +257,17 @@ where
                 })
                 .collect(),
             grown: time.min(1.0),
+            driven: {
+                let pair_of: Vec<u32> = self.candidates.iter().map(|(_, pair)| *pair).collect();
+                let driven = definition.driven(&self.pairs, &pair_of, time);
+                driven.into_iter().map(|one| (one.row, one)).collect()
+            },
+            friction: (definition.pairs.iter())
+                .map(|pair| {
+                    let step = (time.ceil() as usize).saturating_sub(1);
+                    pair.acts(step).then(|| pair.friction_factor(step))
+                })
+                .collect(),
         })
     }
 
@@ -389,7 +408,12 @@ where
             mesh: &moved,
             ..body
         };
-        let contact = contact_rows(&there, &to.unknowns, &places).map_err(failed)?;
+        let mut contact = contact_rows(&there, &to.unknowns, &places).map_err(failed)?;
+        for (row, candidate) in contact.candidate.iter().enumerate() {
+            if met.idle[*candidate] {
+                (contact.slip_bound[row], contact.coefficient[row]) = (0.0, 0.0);
+            }
+        }
         let left = to.unknowns.left_of(u);
 
         let still = left.displacements(&vec![0.0; D * left.n_blocks()]);
@@ -463,10 +487,16 @@ where
                     .collect::<Vec<f64>>(),
             );
         let (_, slide) = contact.held_motion(&left);
+        let mut gap = contact.gap(&left);
+        for (r, i, _) in contact.numbered() {
+            if met.idle[i] {
+                gap[r] = UNREACHABLE;
+            }
+        }
         let load = Load {
             force: net.clone(),
             acting: force,
-            gap: contact.gap(&left),
+            gap,
             slide,
         };
         let compliance = contact.compliance.get(rows..);

@@ -81,7 +81,7 @@ where
             }
         }
         let (_, slide) = self.contact.held_motion(&unknowns);
-        let driven = definition.driven(&self.pairs, &self.pair_of, step);
+        let driven = definition.driven(&self.pairs, &self.pair_of, end_of(step));
         Ok(StepData {
             factor: definition.factor(&None, time),
             total_load,

@@ -263,6 +263,12 @@ where
             Some(about) => contact.moment[about] = force,
         }
     }
+    // The multiplier of an equation is the force along no direction.
+    let of_pairs = contacts.iter_mut().zip(&elastic.pairs);
+    for (contact, _) in of_pairs.filter(|(_, pair)| pair.kind == EntityKind::Equation) {
+        contact.force.fill(0.0);
+        contact.moment.fill(0.0);
+    }
     // Those of supports are among the forces on supports: they come last.
     let supports = elastic
         .pairs

@@ -1,9 +1,9 @@
 //! Contacts, ties and friction that change from load step to load step, against closed forms and models that do not change.
 
-use crate::common::distance;
 use crate::common::models::{Answer, answer, on_the_cpu, stacked};
 use crate::common::or_panic::OrPanic as _;
 use crate::common::solved;
+use crate::common::{apart, distance};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
@@ -280,13 +280,77 @@ fn changes_that_make_no_sense_are_refused() {
             "friction = { coulomb = 0.1 }\nfriction_factors = [0, -1]",
             "finite and not negative",
         ),
-        (
-            "[analysis]\ngeometry = \"large\"\n[steps]\nfactors = [1, 1]\n",
-            "active = [0, 1]",
-            "active and friction_factors need geometry",
-        ),
     ] {
         let error = refusal(steps, contact);
         assert!(error.contains(expected), "{error}");
     }
+}
+
+/// Where displacements may be large and are small, contacts and friction change as they do where they are taken as small.
+#[test]
+fn large_displacements_know_the_same_changes() {
+    let depth = 2e-6;
+    let on_floor = Model::on(block())
+        .support(
+            Support::on("top")
+                .y(-depth)
+                .x(0.3 * depth)
+                .factors([1.0, 1.2, 1.3, 1.1, 1.2]),
+        )
+        .contact(
+            Pair::obstacle("bottom", FLOOR)
+                .coulomb(0.3)
+                .friction_factors([0.0, 1.0, 0.5, 1.0, 1.0])
+                .active([1.0, 1.0, 0.0, 1.0, 1.0]),
+        );
+    let on_each_other = Model::on(stacked(1.0, [6, 3]))
+        .support(Support::on("low-bottom").fixed())
+        .support(
+            Support::on("up-top")
+                .y(-depth)
+                .x(0.3 * depth)
+                .factors([1.0, 1.2, 1.3, 1.1, 1.2]),
+        )
+        .contact(
+            Pair::new("up-bottom", "low-top")
+                .coulomb(0.3)
+                .friction_factors([0.0, 1.0, 0.5, 1.0, 1.0])
+                .active([1.0, 1.0, 0.0, 1.0, 1.0]),
+        );
+    for model in [on_floor, on_each_other] {
+        let model = model
+            .material(Material::new(YOUNG, 0.3))
+            .steps([1.0, 1.0, 1.0, 1.0, 1.0]);
+        let sums = |model: Model| -> Vec<[f64; 2]> {
+            let options = on_the_cpu(1e-9, Stiffness::Cholesky);
+            let made = model.build().or_panic().solve(&options).or_panic();
+            let force = |step: &StepSolution| {
+                assert_eq!(step.status, Status::Converged);
+                let m = step.lambda.len() / 2;
+                [&step.lambda[..m], &step.lambda[m..]].map(|of| of.iter().sum())
+            };
+            made.iter().map(force).collect()
+        };
+        let [small, large] = [model.clone(), model.large_displacements()].map(sums);
+        assert_eq!(large.len(), 5);
+        for (step, (small, large)) in small.iter().zip(&large).enumerate() {
+            let size = small[0].abs().max(1.0);
+            assert!(
+                apart(small, large) < 1e-4 * size,
+                "{step}: {small:?} {large:?}"
+            );
+            assert_eq!(step == 2, large[0] == 0.0, "{step}: {large:?}");
+        }
+    }
+    let bonded = Model::on(stacked(1.0, [6, 3]))
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on("low-bottom").fixed())
+        .tie(Pair::tied("up-bottom", "low-top").active([0.0, 1.0]))
+        .steps([1.0, 1.0])
+        .large_displacements();
+    let error = bonded.build().expect_err("a tie that changes").to_string();
+    assert!(
+        error.contains("ties that change need geometry = \"small\""),
+        "{error}"
+    );
 }

@@ -1,7 +1,7 @@
 //! Supports that begin, end and hold where they are, against models whose supports do not change; equations between displacements.
 
 use crate::common::apart;
-use crate::common::models::{Answer, answer};
+use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
@@ -9,6 +9,7 @@ use signorini::engine::Stiffness;
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::model::{Coupling, Equation, Model, Pair, Support, Traction};
+use signorini::ssnm::Status;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e9;
@@ -263,4 +264,64 @@ fn equations_of_sets_make_a_periodic_cell() {
         text.contains("there is no contact named \"none\""),
         "{text}"
     );
+}
+
+/// Where displacements may be large and are small, supports change and equations hold as they do where they are taken as small.
+#[test]
+fn large_displacements_know_the_same_supports() {
+    let tiny = 1e-6;
+    let model = Model::on(mesh())
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on("left").fixed().active([1.0, 1.0, 0.0, 1.0]))
+        .support(
+            Support::on("right")
+                .x(tiny)
+                .factors([1.0, 2.0, 1.0, 1.0])
+                .active([0.0, 1.0, 1.0, 1.0])
+                .locked_in([0.0, 0.0, 1.0, 0.0]),
+        )
+        .support(Support::at_point([1.0, 0.0]).y(0.0))
+        .support(Support::at_point([2.0, 0.0]).y(0.0))
+        .traction(Traction::on("top").y(-1e3))
+        .traction(Traction::on("right").x(5e2))
+        .equation(
+            Equation::of(0.2 * tiny)
+                .point([0.5, 1.0], [0.0, 1.0])
+                .point([1.5, 1.0], [0.5, -1.0])
+                .factors([1.0, 0.0, 1.0, 2.0]),
+        )
+        .steps([1.0, 1.0, 1.0, 1.0]);
+    for path in PATHS {
+        let all = |model: Model| -> (Vec<Vec<f64>>, Vec<f64>) {
+            let built = model.build().or_panic();
+            let steps = built.solve(&on_the_cpu(1e-10, path)).or_panic();
+            let of_step = |(step, solution): (usize, &signorini::quasistatic::StepSolution)| {
+                assert_eq!(
+                    solution.status,
+                    Status::Converged,
+                    "step {step}: {:?}",
+                    solution.kkt
+                );
+                let data = built.step(step).or_panic();
+                data.unknowns.displacements(&solution.u).concat()
+            };
+            let last = steps.last().map(|step| step.lambda.clone());
+            (
+                steps.iter().enumerate().map(of_step).collect(),
+                last.expect("a step"),
+            )
+        };
+        let (small, forces) = all(model.clone());
+        let (large, found) = all(model.clone().large_displacements());
+        assert_eq!(large.len(), 4);
+        for (step, (small, large)) in small.iter().zip(&large).enumerate() {
+            assert!(
+                apart(small, large) < 1e-4 * tiny,
+                "{path:?}, {step}: {:e}",
+                apart(small, large)
+            );
+        }
+        let size = forces.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        assert!(apart(&forces, &found) < 1e-4 * size, "{forces:?} {found:?}");
+    }
 }

@@ -6,6 +6,7 @@
 //! do not slip.
 
 use super::super::contacts::PairData;
+use super::super::driven::Driven;
 use super::super::elastic::Elastic;
 use super::super::entities::Part as _;
 use super::super::error::{Fault, ModelError};
@@ -106,6 +107,8 @@ impl<const D: usize> Touch<D> {
 pub(super) struct Meeting<const D: usize> {
     pub touches: Vec<Touch<D>>,
     pub bends: Vec<Bend<D>>,
+    /// Whether each place does not act.
+    pub idle: Vec<bool>,
     /// Whether they are those of the configuration before.
     pub is_alike: bool,
 }
@@ -254,12 +257,18 @@ where
         let mut met = Meeting {
             touches: Vec::with_capacity(self.candidates.len()),
             bends: Vec::new(),
+            idle: Vec::new(),
             is_alike: true,
         };
         for pair in 0..self.pairs.len() as u32 {
             let [now_of, before_of] =
                 [&now.touches, &before.touches].map(|touches| of_pair(touches, pair));
+            let mut acts = moments[1].acts(pair);
             if self.pairs[pair as usize].slides() {
+                if !acts {
+                    met.is_alike &= now_of.is_empty();
+                    continue;
+                }
                 self.meet_bodies(moved, [now_of, before_of], moments[1], pair, &mut met)?;
                 continue;
             }
@@ -270,10 +279,31 @@ where
                 touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
                 match &self.pairs[pair as usize].obstacle {
                     Some(obstacle) => {
-                        let feet = &before_of[k].feet;
+                        let (feet, bends) = (&before_of[k].feet, met.bends.len());
                         self.meet_obstacle(
                             moved, obstacle, moments, first, feet, &mut touch, &mut met,
                         )?;
+                        if !acts {
+                            met.bends.truncate(bends);
+                        }
+                        met.idle.resize(met.touches.len() + 1, !acts);
+                    }
+                    None if self.pairs[pair as usize].drives.len() > k => {
+                        let driven = moments[1].driven.get(&(begin + k));
+                        let of = |u: &[[f64; D]]| -> f64 {
+                            let terms = rest.terms(0);
+                            terms.map(|(node, way)| dot(way, u[node as usize])).sum()
+                        };
+                        let [so_far, then] =
+                            [&now.displacement, &before.displacement].map(|u| of(u));
+                        let stated = match driven {
+                            Some(Driven { locked: true, .. }) => Some(then),
+                            Some(driven) => driven.motion,
+                            None => None,
+                        };
+                        touch.place.gap = stated.unwrap_or(so_far) - so_far;
+                        acts = stated.is_some();
+                        met.idle.resize(met.touches.len() + 1, !acts);
                     }
                     None => {
                         // The rows of ties and of nodes that move alike stay the same.
@@ -283,8 +313,16 @@ where
                         touch.slip = minus(so_far, then);
                     }
                 }
-                touch.carries(Some(was), Some(&before_of[k]));
+                touch.carries(Some(was).filter(|_| acts), Some(&before_of[k]));
                 met.touches.push(touch);
+            }
+        }
+        met.idle.resize(met.touches.len(), false);
+        for touch in &mut met.touches {
+            let factor = moments[1].friction.get(touch.pair as usize);
+            match (&mut touch.place.slip_bound, factor) {
+                (SlipBound::Coulomb(mu), Some(factor)) => *mu *= factor.unwrap_or(0.0),
+                _ => continue,
             }
         }
         Ok(met)
@@ -357,12 +395,18 @@ where
         &self,
         now: &Deformation<D>,
         touches: &[Touch<D>],
+        to: &Moment<D>,
     ) -> Result<bool, ModelError> {
         /// In facets, which differ by less from the surfaces that they approximate; nodes that are deeper may be beyond a thin
         /// body.
         const DEPTH: [f64; 2] = [0.1, 1.0];
         let moved = self.moved(&now.displacement);
-        for (&number, stated) in &self.sliding.stated {
+        let acting = self
+            .sliding
+            .stated
+            .iter()
+            .filter(|stated| to.acts(*stated.0));
+        for (&number, stated) in acting {
             let data = &self.pairs[number as usize];
             let pair = &self.definition.pairs[number as usize];
             let options = PairOptions {
