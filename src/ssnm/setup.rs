@@ -155,6 +155,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             tolerance: settings.tolerance,
             reach: problem.reach(),
             moved: vec![0.0; D * problem.m()],
+            blur: Vec::new(),
             before,
             place: warm.motion,
             offsets,
