@@ -444,7 +444,7 @@ fn make_all<const D: usize>(
 where
     ElementKind: Space<D>,
 {
-    settings.check()?;
+    settings.ssnm.check()?;
     let mut process = Process {
         elastic,
         engine,

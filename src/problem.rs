@@ -463,10 +463,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// μ of each contact node, 0 where the slip bound is given; empty without Coulomb friction.
     pub fn friction_coefficient(&self) -> &[f64] {
-        match self.case.frozen {
-            true => &[],
-            false => &self.case.friction,
-        }
+        &self.case.friction
     }
 
     /// Whether there is Coulomb friction.

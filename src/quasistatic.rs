@@ -6,22 +6,19 @@
 //! nothing in the load or the gap of a smaller one.
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). They minimise no function, so they may fail. Then bodies that only
-//! contact holds are put on weak springs (`springs`), which show whether anything holds them. Rounds with frozen slip bounds
-//! (`rounds`) continue from the best point, and the monolithic step is tried once more where they converge. A step always ends at
-//! the best of all points met, and everything reported about it is for g = μλν.
+//! contact holds are put on weak springs (`springs`), which show whether anything holds them, and Newton steps continue from
+//! there. A load step always ends at the best of all points met.
 
-mod rounds;
 mod springs;
 
 use crate::dual::balance::BALANCED;
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
-use crate::sparse::{norm, norm_max};
+use crate::sparse::norm;
 use crate::ssnm::{
     self, Cause, Info, RecycledSubspace, Sets, SettingsError, Solution, SolveError, Status, Step,
     WarmStart,
 };
-use rounds::Rounds;
 use springs::{OnSprings, Springs, WEAK};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -101,60 +98,20 @@ impl State {
 }
 
 /// Settings of a step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct StepSettings {
     /// The settings of the method.
     pub ssnm: ssnm::NewtonSettings,
-    /// Under Coulomb's law: whether the bounds are part of the Newton steps. Otherwise only rounds are made.
-    pub monolithic: bool,
-    /// max |μλν − g| / max μλν that rounds have to reach; ten times the tolerance of the problems if None.
-    pub friction_tolerance: Option<f64>,
-    /// Rounds at most.
-    pub max_rounds: usize,
 }
 
-impl StepSettings {
-    /// max |μλν − g| / max μλν that rounds have to reach.
-    pub fn friction_tolerance(&self) -> f64 {
-        self.friction_tolerance
-            .unwrap_or(ssnm::MET * self.ssnm.tolerance)
-    }
-
-    /// Checks that the numbers are valid for any problem: see [`ssnm::NewtonSettings::check`].
-    ///
-    /// # Errors
-    /// The first invalid setting.
-    pub fn check(&self) -> Result<(), SettingsError> {
-        self.ssnm.check()?;
-        self.friction_tolerance.map_or(Ok(()), |tolerance| {
-            SettingsError::unless_part(tolerance, "friction_tolerance")
-        })
-    }
-}
-
-impl Default for StepSettings {
-    fn default() -> Self {
-        Self {
-            ssnm: ssnm::NewtonSettings::default(),
-            monolithic: true,
-            friction_tolerance: None,
-            max_rounds: 100,
-        }
-    }
-}
-
-/// One solve of a step: the only one, or a round or an attempt if that was not enough.
+/// One solve of a step: the only one, or one of several if that was not enough.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Round {
     /// From 1.
     pub round: usize,
-    /// Whether slip bounds were frozen under Coulomb's law, separately for each solve.
-    pub frozen: bool,
     /// Whether bodies that only contact holds were on weak springs, under Coulomb's law.
     pub on_springs: bool,
-    /// max |μλν − g| / max μλν; 0 where no bounds were frozen.
-    pub friction_change: f64,
     /// The tolerance of the solve.
     pub tolerance: f64,
     /// Its course.
@@ -165,7 +122,7 @@ pub struct Round {
 pub enum Event<'a> {
     /// An outer step of the Newton method.
     Newton(&'a Step),
-    /// A solve has ended that had frozen slip bounds, or whose monolithic steps made no progress.
+    /// Under Coulomb's law a solve has ended without progress, or one on springs.
     Round(&'a Round),
 }
 
@@ -178,7 +135,7 @@ pub struct NotHeld {
     /// The direction in which the loads push it, in words.
     pub motion: String,
     /// No forces within the friction law balance it. Otherwise some do, but contact and friction do not reach them: on
-    /// springs, however weak, it moves away, or converged slip bounds do not hold it.
+    /// springs, however weak, it moves away.
     pub proven: bool,
 }
 
@@ -198,7 +155,7 @@ pub struct StepSolution<const D: usize = 2> {
     pub slip: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
-    /// One solve, or several where Coulomb's law took rounds.
+    /// One solve, or several under Coulomb's law.
     pub rounds: Vec<Round>,
     /// The optimality conditions at the end.
     pub kkt: Kkt,
@@ -271,13 +228,13 @@ pub fn solve_step<const D: usize, K>(
     recycled: &mut RecycledSubspace,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
-    settings.check()?;
+    settings.ssnm.check()?;
     load.check_for(problem)?;
     start.check_for(problem)?;
     let whole = problem.elsewhere();
     let mut step = Process::new(whole, load, start, dual, settings, recycled, &mut observer);
     match step.make(start) {
-        Ok((solution, frozen)) => Ok(step.end(solution, frozen)),
+        Ok(solution) => Ok(step.end(solution)),
         Err(error) => Err(StepError {
             error: Box::new(error),
             rounds: step.made,
@@ -307,7 +264,7 @@ pub(crate) fn lawful<const D: usize>(
     whole.under(case)
 }
 
-/// Whether rounds may still help.
+/// Whether other steps may still help.
 fn has_given_up(status: Status) -> bool {
     matches!(status, Status::Stagnated | Status::IterationLimit)
 }
@@ -324,17 +281,6 @@ struct Process<'a, const D: usize, O: ?Sized, V> {
     /// Rᵀū.
     place: Vec<f64>,
     made: Vec<Round>,
-    /// The point so far with the least violation of Coulomb's law.
-    best: Option<Met<D>>,
-    /// The observer has asked for an end.
-    stopped: bool,
-}
-
-/// A point met under Coulomb's law.
-struct Met<const D: usize> {
-    solution: Solution<D>,
-    /// The largest violation of its conditions, where known.
-    off: f64,
 }
 
 impl<'a, const D: usize, O, V> Process<'a, D, O, V>
@@ -360,87 +306,33 @@ where
             observer,
             begin: Instant::now(),
             made: Vec::new(),
-            best: None,
-            stopped: false,
         }
     }
 
-    /// The step, with the frozen bounds of its result: monolithic Newton steps, and rounds where those fail.
-    fn make(&mut self, start: &State) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
-        let tolerance = self.settings.ssnm.tolerance;
-        let has_coulomb = self.lawful.has_coulomb();
-        let monolithic = self.settings.monolithic;
-        let is_free = has_coulomb && !self.lawful.floating_bodies().is_empty();
-        let mut from = start.lambda.clone();
-        let mut is_held = false;
-        if monolithic || !has_coulomb {
-            // Where springs can decide, they are cheaper than patience.
-            let mut settings = self.settings.ssnm.clone();
-            if is_free {
-                settings.numbers.patience = settings.numbers.fruitless;
-            }
-            let solution = self.attempt(None, None, &from, settings)?;
-            if !has_coulomb || !has_given_up(solution.status) {
-                return Ok((solution, None));
-            }
-            from = solution.lambda;
-            if is_free {
-                match self.on_springs(&from)? {
-                    Springs::Break => {}
-                    Springs::Bear(solution) => return Ok((*solution, None)),
-                    Springs::Idle(lambda) => (from, is_held) = (lambda, true),
-                }
-                let solution = self.solve(None, &from, tolerance)?;
-                if !has_given_up(solution.status) {
-                    return Ok((solution, None));
-                }
-                from = solution.lambda;
-            }
+    /// Monolithic Newton steps and, where those fail, the same once more from bodies on springs.
+    fn make(&mut self, start: &State) -> Result<Solution<D>, SolveError> {
+        let is_free = self.lawful.has_coulomb() && !self.lawful.floating_bodies().is_empty();
+        // Where springs can decide, they are cheaper than patience.
+        let mut settings = self.settings.ssnm.clone();
+        if is_free {
+            settings.numbers.patience = settings.numbers.fruitless;
         }
-        let mut rounds = Rounds::new(self, &from);
-        let mut solution = rounds.make(self)?;
-        if is_held && solution.status == Status::NotHeld {
-            // If the bounds do not hold the body, they are not those of a state in which springs bear hardly anything.
-            solution.status = Status::Stagnated;
-            solution.imbalance.clear();
-            solution.mechanism.clear();
+        let first = self.solve(None, &start.lambda, settings)?;
+        if !(is_free && has_given_up(first.status)) {
+            return Ok(first);
         }
-        if !has_coulomb || solution.status == Status::NotHeld {
-            return Ok((solution, Some(rounds.bounds)));
-        }
-        let status = solution.status;
-        if monolithic && status == Status::Converged {
-            // From the result of rounds, the monolithic step may make progress.
-            let again = self.solve(None, &rounds.lambda, tolerance)?;
-            if !has_given_up(again.status) {
-                return Ok((again, None));
-            }
-        }
-        self.best_met(status)
-    }
-
-    /// The best point met, judged by Coulomb's law. `status`: the reason why steps ended.
-    fn best_met(&mut self, status: Status) -> Result<(Solution<D>, Option<Vec<f64>>), SolveError> {
-        let tolerance = self.settings.ssnm.tolerance;
-        let of_rounds = status == Status::Converged;
-        // The bounds of converged rounds are as accurate as requested.
-        let most = match of_rounds {
-            true => (self.settings.friction_tolerance()).max(ssnm::MET * tolerance),
-            false => tolerance,
+        let from = match self.on_springs(&first.lambda)? {
+            Springs::Break => first.lambda.clone(),
+            Springs::Bear(solution) => return Ok(*solution),
+            Springs::Idle(lambda) => lambda,
         };
-        let Some(Met { mut solution, off }) = self.best.take() else {
-            unreachable!("rounds follow an attempt under Coulomb's law, or are one");
-        };
-        let kkt = conditions(&self.lawful, self.dual, &solution.u, &solution.lambda)?;
-        solution.status = match (off.max(kkt.max()) <= most, of_rounds) {
-            (true, _) => Status::Converged,
-            (false, true) => Status::Stagnated,
-            (false, false) => status,
-        };
-        solution.imbalance.clear();
-        solution.mechanism.clear();
+        let second = self.solve(None, &from, self.settings.ssnm.clone())?;
+        let off = |solution: &Solution<D>| solution.info.kkt.max().max(solution.info.err_relative);
+        if !(has_given_up(second.status) && off(&first) < off(&second)) {
+            return Ok(second);
+        }
         // The solve that met it has its counts already.
-        solution.info = Info {
+        let info = Info {
             iter: 0,
             n_a: 0,
             n_a_sigma: 0,
@@ -448,52 +340,25 @@ where
             history: Vec::new(),
             setup_seconds: 0.0,
             solve_seconds: 0.0,
-            kkt,
-            ..solution.info
+            ..first.info
         };
-        self.note(None, None, tolerance, &solution);
-        Ok((solution, None))
+        let best = Solution {
+            status: second.status,
+            info,
+            ..first
+        };
+        self.note(false, &best);
+        Ok(best)
     }
 
-    /// max |μλν − g| / max μλν, for this difference of the bounds.
-    fn relative(&self, lambda: &[f64], difference: &[f64]) -> f64 {
-        let coefficients = self.lawful.friction_coefficient().iter().zip(lambda);
-        let friction = coefficients.fold(0.0_f64, |max, (mu, l)| max.max(mu * l));
-        match norm_max(difference) {
-            0.0 => 0.0,
-            change if friction > 0.0 => change / friction,
-            _ => 1.0,
-        }
-    }
-
-    /// Solves the problem of this step, with its bounds frozen if any are given.
+    /// Solves the problem of this step, on springs if a stiffness is given.
     fn solve(
         &mut self,
-        frozen: Option<&[f64]>,
-        initial: &[f64],
-        tolerance: f64,
-    ) -> Result<Solution<D>, SolveError> {
-        let settings = ssnm::NewtonSettings {
-            tolerance,
-            ..self.settings.ssnm.clone()
-        };
-        self.attempt(frozen, None, initial, settings)
-    }
-
-    /// The same, on springs if they are stiff at all.
-    fn attempt(
-        &mut self,
-        frozen: Option<&[f64]>,
         springs: Option<f64>,
         initial: &[f64],
         settings: ssnm::NewtonSettings,
     ) -> Result<Solution<D>, SolveError> {
-        let mut case = self.lawful.load_case().clone();
-        if let Some(bounds) = frozen {
-            case.slip_bound = bounds.to_vec();
-            case.frozen = true;
-        }
-        let problem = self.lawful.under(case);
+        let problem = &self.lawful;
         let settings = ssnm::NewtonSettings {
             time_limit: settings
                 .time_limit
@@ -501,20 +366,16 @@ where
             ..settings
         };
         let lambda = Some(initial).filter(|l| l.iter().all(|v| v.is_finite()));
-        let (observer, stopped) = (&mut self.observer, &mut self.stopped);
-        let watch = |step: &Step| {
-            let flow = observer(Event::Newton(step));
-            *stopped |= flow.is_break();
-            flow
-        };
-        let solution = match springs {
+        let observer = &mut self.observer;
+        let watch = |step: &Step| observer(Event::Newton(step));
+        let mut solution = match springs {
             None => {
                 let start = WarmStart {
                     lambda,
                     motion: Some(&self.place),
                     recycled: Some(self.recycled),
                 };
-                ssnm::solve_from(start, &problem, self.dual, &settings, watch)?
+                ssnm::solve_from(start, problem, self.dual, &settings, watch)?
             }
             Some(stiffness) => {
                 // A has changed, and bodies are no longer free.
@@ -522,49 +383,29 @@ where
                     lambda,
                     ..WarmStart::default()
                 };
-                let mut dual = OnSprings::new(self.dual, &problem, stiffness);
+                let mut dual = OnSprings::new(self.dual, problem, stiffness);
                 let on_springs = dual.problem(&self.place);
                 ssnm::solve_from(start, &on_springs, &mut dual, &settings, watch)?
             }
         };
-        let friction_change = self.note(frozen, springs, settings.tolerance, &solution);
-        if self.lawful.has_coulomb() && springs.is_none() {
-            let info = &solution.info;
-            let off = info.kkt.max().max(info.err_relative).max(friction_change);
-            if self.best.as_ref().is_none_or(|best| off < best.off) {
-                let solution = solution.clone();
-                self.best = Some(Met { solution, off });
-            }
-        }
-        let goes_on = problem.has_coulomb() && has_given_up(solution.status);
-        if frozen.is_some() || springs.is_some() || goes_on {
+        self.note(springs.is_some(), &solution);
+        if springs.is_some() || self.lawful.has_coulomb() && has_given_up(solution.status) {
             let made = self.made.last().expect("just pushed");
-            self.stopped |= (self.observer)(Event::Round(made)).is_break();
+            if (self.observer)(Event::Round(made)).is_break() {
+                solution.status = Status::Interrupted;
+            }
         }
         Ok(solution)
     }
 
-    /// Takes down a solve; returns how far frozen bounds are from the law.
-    fn note(
-        &mut self,
-        frozen: Option<&[f64]>,
-        springs: Option<f64>,
-        tolerance: f64,
-        solution: &Solution<D>,
-    ) -> f64 {
-        let friction_change = frozen.map_or(0.0, |bounds| {
-            let law = self.lawful.bounds(&solution.lambda);
-            self.relative(&solution.lambda, &changes(&law, bounds))
-        });
+    /// Takes down a solve.
+    fn note(&mut self, on_springs: bool, solution: &Solution<D>) {
         self.made.push(Round {
             round: self.made.len() + 1,
-            frozen: frozen.is_some(),
-            on_springs: springs.is_some(),
-            friction_change,
-            tolerance,
+            on_springs,
+            tolerance: self.settings.ssnm.tolerance,
             info: solution.info.clone(),
         });
-        friction_change
     }
 
     /// The step on weak springs, from the point where it stagnated.
@@ -582,8 +423,11 @@ where
             return Ok(Springs::Break);
         }
         let settings = self.settings.ssnm.clone();
-        let solution = self.attempt(None, Some(stiffness), lambda, settings)?;
-        if solution.status != Status::Converged {
+        let solution = self.solve(Some(stiffness), lambda, settings.clone())?;
+        // The forces of a body that moves far are only known to the rounding of its motion; their sum is enough.
+        let is_found = solution.status == Status::Converged
+            || solution.info.err_relative <= settings.tolerance;
+        if !is_found {
             return Ok(Springs::Break);
         }
         let mut forces = self.lawful.load().to_vec();
@@ -610,17 +454,17 @@ where
         })))
     }
 
-    /// The end of the step with a solution, and the bounds that were frozen for it.
-    fn end(self, solution: Solution<D>, frozen: Option<Vec<f64>>) -> StepSolution<D> {
+    /// The end of the step with a solution.
+    fn end(self, solution: Solution<D>) -> StepSolution<D> {
         let origin = self.lawful.slip_origin();
         let (rows, m) = (self.lawful.tangential(), self.lawful.m());
         let mut slip = (self.lawful).beyond_compliance(rows, m, &solution.u, &solution.lambda);
         (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
-        let proven = (self.made.last()).is_some_and(|last| !last.on_springs && !last.frozen);
+        let proven = (self.made.last()).is_some_and(|last| !last.on_springs);
         let not_held = pushed(&self.lawful, &solution, proven);
         StepSolution {
             status: solution.status,
-            slip_bound: frozen.unwrap_or_else(|| self.lawful.bounds(&solution.lambda).into_owned()),
+            slip_bound: self.lawful.bounds(&solution.lambda).into_owned(),
             slip,
             sets: solution.sets,
             kkt: solution.info.kkt,
@@ -630,13 +474,6 @@ where
             rounds: self.made,
         }
     }
-}
-
-/// The change of bounds; those of ties stay infinite.
-fn changes(now: &[f64], before: &[f64]) -> Vec<f64> {
-    let each = now.iter().zip(before);
-    each.map(|(now, before)| if now == before { 0.0 } else { now - before })
-        .collect()
 }
 
 /// The bodies that an imbalance pushes, and their directions.

@@ -149,7 +149,7 @@ where
     /// The same with an engine of its own and no observer.
     fn solve(&self, options: &SolveOptions) -> Result<Vec<StepSolution<D>>, Failed<D>> {
         let mut finished = Vec::with_capacity(self.n_steps());
-        let made = (options.settings.check().map_err(Error::from))
+        let made = (options.settings.ssnm.check().map_err(Error::from))
             .and_then(|()| Ok(Engine::new(self.problem, options.engine.clone(), |_| {})?))
             .and_then(|mut engine| {
                 self.solve_on(&mut engine, &options.settings, |event| {
@@ -215,7 +215,7 @@ where
     ElementKind: Topology<D>,
 {
     let begin = Instant::now();
-    settings.check()?;
+    settings.ssnm.check()?;
     let limit = settings.ssnm.time_limit;
     let mut settings = settings.clone();
     let mut state = before;

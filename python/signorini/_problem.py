@@ -22,7 +22,7 @@ from ._watch import LOG, Bar, Hearer, Step
 
 
 # The settings of a solve without a separate keyword.
-SETTINGS = ("beta", "c_fact", "friction_tolerance", "max_iterations", "max_rounds", "method", "r_tol", "time_limit")
+SETTINGS = ("beta", "c_fact", "max_iterations", "method", "r_tol", "time_limit")
 
 
 def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:

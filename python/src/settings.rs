@@ -117,8 +117,6 @@ pub fn apply(
             "r_tol" => ssnm.r_tol = number(name, &value)?,
             "c_fact" => ssnm.c_fact = number(name, &value)?,
             "max_iterations" => ssnm.max_iterations = number(name, &value)?,
-            "max_rounds" => settings.max_rounds = number(name, &value)?,
-            "friction_tolerance" => settings.friction_tolerance = Some(number(name, &value)?),
             "time_limit" => {
                 let seconds: f64 = number(name, &value)?;
                 let limit = Duration::try_from_secs_f64(seconds);

@@ -24,16 +24,11 @@ pub struct SolverTable {
     pub max_iterations: usize,
     /// For the whole run, such as `10min`; none if left out.
     pub time_limit: Option<String>,
-    /// The convergence of the slip bounds of rounds under Coulomb's law; ten times the tolerance if left out.
-    pub friction_tolerance: Option<f64>,
-    /// Rounds with frozen slip bounds at most.
-    pub max_rounds: usize,
 }
 
 impl Default for SolverTable {
     fn default() -> Self {
         let defaults = ssnm::NewtonSettings::default();
-        let rounds = quasistatic::StepSettings::default();
         Self {
             tolerance: defaults.tolerance,
             beta: defaults.beta,
@@ -42,8 +37,6 @@ impl Default for SolverTable {
             method: defaults.method,
             max_iterations: defaults.max_iterations,
             time_limit: None,
-            friction_tolerance: None,
-            max_rounds: rounds.max_rounds,
         }
     }
 }
@@ -63,16 +56,13 @@ impl Case {
                 time_limit: self.time_limit,
                 ..Default::default()
             },
-            friction_tolerance: s.friction_tolerance,
-            max_rounds: s.max_rounds,
-            ..Default::default()
         }
     }
 
     /// Checks the solver table; its time limit, if that can be counted.
     pub(super) fn check_solver(&self) -> Result<Option<Duration>, CaseError> {
         let s = &self.tables.solver;
-        if let Err(error) = self.settings().check() {
+        if let Err(error) = self.settings().ssnm.check() {
             return self.invalid(&format!("solver.{}", error.field), error.to_string());
         }
         let Some(limit) = &s.time_limit else {

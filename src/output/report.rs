@@ -91,8 +91,6 @@ pub struct StepReport {
     pub status: Status,
     /// Solves in it: more than one if monolithic steps made no progress under Coulomb's law.
     pub rounds: usize,
-    /// max |μλν − g| / max μλν of the last solve; 0 where no slip bounds were frozen.
-    pub friction_change: f64,
     /// The bodies that contact and friction do not hold, and which way the loads push them.
     pub not_held: Vec<NotHeldReport>,
     /// With large displacements: contact problems at positions of the bodies on the way.
@@ -125,9 +123,6 @@ pub struct HistoryRow {
     pub load_step: usize,
     /// The solve in it, from 1.
     pub round: usize,
-    /// Whether slip bounds were frozen in it.
-    #[serde(skip)]
-    pub frozen: bool,
     /// The work in it, and its end.
     #[serde(flatten)]
     pub step: ssnm::Step,
@@ -197,10 +192,6 @@ pub struct Report {
     pub version: &'static str,
     /// The outer steps of all solves.
     pub history: Vec<HistoryRow>,
-    /// Products with A so far and the change of the slip bounds, after each round with frozen ones; a pair of NaN at the
-    /// beginning of a load step with such rounds.
-    #[serde(skip)]
-    pub friction_history: Vec<(f64, f64)>,
     /// The diagonal of the box around the mesh; 0 in an algebraic case.
     #[serde(skip)]
     pub size: f64,
@@ -275,7 +266,6 @@ impl Report {
             ranks: None,
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
-            friction_history: Vec::new(),
             size: elastic.map_or(0.0, |elastic| {
                 let (low, high) = elastic.mesh.bounding_box();
                 length(minus(high, low))
@@ -354,7 +344,6 @@ impl Report {
             factor: load.as_ref().map_or(1.0, |load| load.0),
             status: solution.status,
             rounds: solution.rounds.len(),
-            friction_change: last.friction_change,
             not_held: (solution.not_held.iter())
                 .map(|one| NotHeldReport {
                     body: body_name(one.body),
@@ -376,10 +365,6 @@ impl Report {
 
     /// Adds the counts, times and outer steps of the solves of a step.
     fn add_rounds(&mut self, rounds: &[Round]) {
-        if rounds.iter().any(|round| round.frozen) {
-            // A gap between load steps.
-            self.friction_history.push((f64::NAN, f64::NAN));
-        }
         for round in rounds {
             let info = &round.info;
             self.iter += info.iter;
@@ -387,15 +372,10 @@ impl Report {
             self.n_a_sigma += info.n_a_sigma;
             self.timings.setup += info.setup_seconds;
             self.timings.ssnm += info.solve_seconds;
-            if round.frozen {
-                let change = (self.n_a as f64, round.friction_change);
-                self.friction_history.push(change);
-            }
             self.history
                 .extend(info.history.iter().map(|&step| HistoryRow {
                     load_step: self.steps.len() + 1,
                     round: round.round,
-                    frozen: round.frozen,
                     step,
                 }));
         }

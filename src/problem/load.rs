@@ -17,8 +17,6 @@ pub struct LoadCase {
     pub(crate) slip_bound: Vec<f64>,
     /// μ, length m, 0 where the slip bound is given; empty without Coulomb friction.
     pub(crate) friction: Arc<Vec<f64>>,
-    /// The slip bound is given everywhere, whatever the coefficients of friction.
-    pub(crate) frozen: bool,
     /// ‖forces that act on the bodies‖: ‖f‖ without the contribution of prescribed displacements.
     pub(crate) acting: f64,
     /// For each unknown the largest displacement of its body before this load step, which determines the rounding of
@@ -43,7 +41,6 @@ impl LoadCase {
             slip_origin,
             slip_bound,
             friction: Arc::default(),
-            frozen: false,
             travelled: None,
             before: Vec::new(),
         }

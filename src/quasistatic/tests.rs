@@ -4,7 +4,7 @@ use super::*;
 use crate::control::{Accuracy, Stop};
 use crate::dual::{DirectDual, DualError};
 use crate::problem::ContactData;
-use crate::sparse::{BlockCsr, Csr};
+use crate::sparse::{BlockCsr, Csr, norm_max};
 use crate::stiffness::cholesky::FactorError;
 
 /// Two springs in a row, the outer one pushed to a wall that rubs on both.
@@ -97,27 +97,18 @@ fn direct(problem: &ContactProblem) -> DirectDual {
 }
 
 #[test]
-fn an_error_keeps_the_rounds_made() {
+fn an_error_keeps_lambda() {
     let problem = springs(1);
-    let settings = StepSettings {
-        monolithic: false,
-        ..Default::default()
-    };
-    let load = Load::of(&problem);
-    let whole = solve(&problem, &load, &mut direct(&problem), &settings);
-    let whole = whole.unwrap_or_else(|error| panic!("{error}"));
-    assert!(whole.status == Status::Converged && whole.rounds.len() > 1);
+    let (load, settings) = (Load::of(&problem), StepSettings::default());
     let error = solve(
         &problem,
         &load,
-        &mut Failing(direct(&problem), 1),
+        &mut Failing(direct(&problem), 0),
         &settings,
     );
     let error = error.map(|_| ()).expect_err("it fails");
     assert!(matches!(error.error.cause, Cause::Operator(_)), "{error}");
-    assert_eq!(error.rounds.len(), 1);
-    let (kept, made) = (&error.rounds[0].info, &whole.rounds[0].info);
-    assert_eq!((kept.iter, kept.n_a), (made.iter, made.n_a));
+    assert!(error.rounds.is_empty());
     assert_eq!(error.error.lambda.len(), 2);
 }
 
@@ -144,13 +135,6 @@ fn misfits_are_errors() {
         said(&infinite, &mut dual, &good),
         "load.gap must have finite entries"
     );
-    let wrong = StepSettings {
-        friction_tolerance: Some(2.0),
-        ..good.clone()
-    };
-    let text = said(&load, &mut dual, &wrong);
-    assert_eq!(text, "friction_tolerance must lie between 0 and 1");
-
     let initial = [0.0; 3];
     let start = WarmStart {
         lambda: Some(&initial),

@@ -31,7 +31,7 @@ pub(super) struct Known<const D: usize> {
     mean: f64,
     /// τ of the next step, as a part of that.
     proximal: f64,
-    /// Whether the last step led nowhere.
+    /// Whether the last step was not solved.
     is_stuck: bool,
 }
 
@@ -67,15 +67,16 @@ impl<const D: usize> Known<D> {
         })
     }
 
-    /// Whether the last step led nowhere.
+    /// Whether the last step was not solved.
     pub fn is_stuck(&self) -> bool {
         self.is_stuck
     }
 
-    /// Makes steps longer after progress, down to the least τ, and shorter otherwise.
-    pub fn adapt(&mut self, leads_on: bool, numbers: &Numbers) {
-        self.is_stuck = !leads_on;
-        self.proximal = match leads_on {
+    /// Makes steps longer after one that is solved, down to the least τ, and shorter otherwise. The error says nothing about τ: it
+    /// may grow in a step that is solved, and a shorter step would only take longer there.
+    pub fn adapt(&mut self, is_solved: bool, numbers: &Numbers) {
+        self.is_stuck = !is_solved;
+        self.proximal = match is_solved {
             true => (self.proximal / numbers.proximal_factor).max(numbers.proximal),
             false => (self.proximal * numbers.proximal_factor).min(1.0),
         };

@@ -101,7 +101,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
             let leads_on = err <= numbers.progress * way.err;
             denied = if leads_on { 0 } else { denied + 1 };
             if let Some(known) = self.known.as_mut().filter(|_| proposal.is_on_matrix) {
-                known.adapt(proposal.is_solved && leads_on, &numbers);
+                known.adapt(proposal.is_solved, &numbers);
             }
             if denied == numbers.denied || self.hidden == numbers.denied {
                 self.products.tighten(self.tolerance);

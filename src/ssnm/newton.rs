@@ -55,6 +55,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub reach: Vec<f64>,
     /// How far the bodies of each row of B had moved when u was last computed, without rigid-body motions; 0 before.
     pub moved: Vec<f64>,
+    /// What rounding of forces would move each row of B if they were the size of their terms, not scaled; empty before it counts.
+    pub blur: Vec<f64>,
     /// λ before the load step, scaled; empty at rest.
     pub before: Vec<f64>,
     /// Rigid-body positions where neither load nor contact determines them, as coefficients of the motions.
@@ -312,6 +314,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     pub fn take_from(&mut self, u: &[f64], point: &mut Point) {
         let problem = self.problem;
         self.moved = problem.row_sizes(&problem.body_sizes(u));
+        (self.moved.iter_mut().zip(&self.blur)).for_each(|(moved, blur)| *moved = moved.max(*blur));
         let (rn, rt) = point.r.split_at_mut(problem.m());
         rn.copy_from_slice(&problem.times(problem.normal(), u));
         rt.copy_from_slice(&problem.times(problem.tangential(), u));

@@ -76,7 +76,7 @@ numbers! {
     /// values are rounding where rows of B depend on each other. With 1e-6 every step leaves 1e-6 of forces along which A
     /// is small.
     proximal: f64 = 1e-12;
-    /// τ grows by this factor after a step without progress, and falls by it after one with progress: of 16 random packings 15 are
+    /// τ grows by this factor after a step that is not solved, and falls by it after one that is: of 16 random packings 15 are
     /// solved in 2 400 Newton steps, with 10, from 1e-6 on, as many in 3 500.
     proximal_factor: f64 = 100.0;
     /// The most Newton steps for it: most problems take 1 to 6, and where sweeps are needed more steps do not help.

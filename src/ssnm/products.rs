@@ -12,6 +12,7 @@ use crate::dual::{DualError, DualOperator};
 use crate::problem::{LoadCase, beyond};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, norm};
+use std::sync::Arc;
 
 /// The dual operator, the accuracy of its products, and their number.
 pub(super) struct Products<'a, O: ?Sized> {
@@ -99,6 +100,16 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
         self.dual.displacement(self.load, lambda, residual, stop)
+    }
+
+    /// u under these forces alone.
+    pub fn moved_by(&mut self, force: Vec<f64>) -> Result<Vec<f64>, DualError> {
+        let (residual, rows) = (EXACT * norm(&force), self.dual.size().1);
+        let load = LoadCase {
+            force: Arc::new(force),
+            ..self.load.clone()
+        };
+        (self.dual).displacement(&load, &vec![0.0; rows], residual, &self.stop)
     }
 
     /// A p.

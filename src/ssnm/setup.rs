@@ -155,6 +155,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             tolerance: settings.tolerance,
             reach: problem.reach(),
             moved: vec![0.0; D * problem.m()],
+            blur: Vec::new(),
             before,
             place: warm.motion,
             offsets,
@@ -254,6 +255,12 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         way.first.r = self.products.first(&self.offsets, &way.first.lambda)?;
         way.point.clone_from(&way.first);
         self.move_to(&mut way.point, target)?;
-        self.refresh(&mut way.point, 0.0)
+        self.refresh(&mut way.point, 0.0)?;
+        // Where loads have changed much, the start may be far worse than none.
+        if self.error(&way.point) > self.numbers.growth * self.error(&way.first) {
+            way.point.clone_from(&way.first);
+            self.refresh(&mut way.point, 0.0)?;
+        }
+        Ok(())
     }
 }

@@ -113,11 +113,6 @@ impl<const D: usize> Run<D> {
     pub fn products(&self) -> usize {
         self.steps.iter().map(StepSolution::n_a).sum()
     }
-
-    /// Whether a step has converged; None where it was not reached.
-    pub fn status(&self, step: usize) -> Option<Status> {
-        self.steps.get(step).map(|s| s.status)
-    }
 }
 
 pub fn name_of(status: Status) -> &'static str {
@@ -146,13 +141,16 @@ pub fn print_step<const D: usize>(number: usize, step: &StepSolution<D>) {
     }
     for round in &step.rounds {
         println!(
-            "  solve {}{}: {} steps, {} products, err {:.2e}, change {:.2e}, tolerance {:.0e}",
+            "  solve {}{}: {} steps, {} products, err {:.2e}, tolerance {:.0e}",
             round.round,
-            if round.frozen { " (frozen)" } else { "" },
+            if round.on_springs {
+                " (on springs)"
+            } else {
+                ""
+            },
             round.info.iter,
             round.info.n_a,
             round.info.err_relative,
-            round.friction_change,
             round.tolerance
         );
         for row in &round.info.history {

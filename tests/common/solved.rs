@@ -122,23 +122,19 @@ pub fn run_steps(
     (last.expect("a case has a step"), steps)
 }
 
-/// Products with A of a case with Coulomb friction, of the same steps with its final slip bounds given, and of rounds
-/// alone; all on the direct path and from the same states.
-pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
+/// Products with A of a case with Coulomb friction, and of the same steps with its final slip bounds given, on the direct path
+/// and from the same states.
+pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 2] {
     let build = built(case);
     let problem = &build.problem;
     let mut dual = DirectDual::new(problem).or_panic();
     let mut settings = case.settings();
     settings.ssnm.tolerance = tolerance;
     let mut state = State::at_rest(problem);
-    let mut products = [0; 3];
+    let mut products = [0; 2];
     for number in 0..case.n_steps() {
         let data = build.step(number).or_panic();
-        let mut run = |problem: &ContactProblem, monolithic: bool| {
-            let settings = quasistatic::StepSettings {
-                monolithic,
-                ..settings.clone()
-            };
+        let mut run = |problem: &ContactProblem| {
             let solution = quasistatic::solve_step(
                 problem,
                 &data.load,
@@ -152,7 +148,7 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
             assert_eq!(solution.status, Status::Converged);
             solution
         };
-        let solution = run(problem, true);
+        let solution = run(problem);
         let zero = vec![0.0; problem.m()];
         let given = problem
             .with_data(
@@ -163,17 +159,15 @@ pub fn price_of_coulomb(case: &Case, tolerance: f64) -> [usize; 3] {
             )
             .and_then(|problem| problem.with_friction_coefficient(Vec::new()))
             .or_panic();
-        let runs = [&solution, &run(&given, true), &run(problem, false)];
+        let runs = [&solution, &run(&given)];
         for (sum, run) in products.iter_mut().zip(runs) {
             assert!(distance(&run.u, &solution.u) < 1e3 * tolerance);
             *sum += run.n_a();
         }
         state = solution.state(&data.load);
     }
-    let [coulomb, tresca, rounds] = products;
-    println!(
-        "{coulomb} products under Coulomb's law, {tresca} with its slip bounds given, {rounds} by rounds"
-    );
+    let [coulomb, tresca] = products;
+    println!("{coulomb} products under Coulomb's law, {tresca} with its slip bounds given");
     products
 }
 

@@ -67,7 +67,7 @@ fn on_both_paths(case: &[&str], threads: &[usize]) {
     compare(&[case, &PCG].concat(), threads);
 }
 
-/// Floating bodies, load steps, Coulomb friction, rounds with frozen bounds, matrices.
+/// Floating bodies, load steps, Coulomb friction, matrices.
 #[test]
 fn examples() {
     for case in [

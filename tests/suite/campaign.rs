@@ -84,6 +84,18 @@ fn a_few_random_problems() {
     a_few(problem, 150);
 }
 
+/// A gap that is closed by rounding alone, in a K of eleven decades, and loads that are taken away: hardly any force is left.
+#[test]
+fn what_rounding_leaves_is_no_force() {
+    for seed in [95_000_537, 95_000_115, 95_000_409] {
+        let problem = problem(seed).or_panic();
+        for way in [Way::Cholesky, Way::Pcg] {
+            let run = run(&problem.trial, way);
+            assert_eq!(run.end, "converged", "{seed} {}", way.name());
+        }
+    }
+}
+
 #[test]
 #[ignore = "20 000 solves"]
 fn random_solids() {

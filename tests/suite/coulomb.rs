@@ -1,17 +1,14 @@
-//! Coulomb friction on random problems: the monolithic Newton steps against rounds with frozen slip bounds.
+//! Coulomb friction on random problems.
 //!
 //! Every problem follows from its number alone: an elastic case as a user writes it (blocks on floors, between walls, in a V, on
 //! inclined planes, stacked bodies with meshes that do not match; clamped, held in part, or held by contact alone; one to four load
 //! steps with unloading and reversal), or matrices (networks of springs, AᵀA). Each is solved by both ways to make products with A,
-//! with `monolithic` on and off, and every step with the status `converged` is checked by [`Oracle`] (`common/oracle.rs`), which
+//! and every step with the status `converged` is checked by [`Oracle`] (`common/oracle.rs`), which
 //! shares no code with the check of the solver: it reads only K, N, T, the load and the gap.
 //!
 //! Steps that have not converged are judged as well, where possible: for small problems all sets are tried ([`has_solution`]), so
 //! that `not_held` is wrong where there is a solution; and where no forces on Coulomb's cones balance the bodies
 //! ([`least_imbalance`](crate::common::oracle::balance::least_imbalance)) there is none.
-//!
-//! Coulomb's law may have several solutions. If both ways find different ones, and both pass the check, that is counted and is not
-//! a failure.
 //!
 //! `cargo test --release --test suite -- --ignored --nocapture coulomb::random_problems` tries 1000 problems on each path.
 //! Environment:
@@ -38,14 +35,10 @@ use signorini::quasistatic::{State, StepSettings};
 use signorini::ssnm::Status;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use tally::{Tally, WAYS};
+use tally::Tally;
 
-pub fn run(trial: &Trial, way: Way, monolithic: bool) -> Run {
-    let settings = StepSettings {
-        monolithic,
-        ..StepSettings::default()
-    };
-    Run::new(trial, way, settings)
+pub fn run(trial: &Trial, way: Way) -> Run {
+    Run::new(trial, way, StepSettings::default())
 }
 
 /// Tries this many problems on a path; returns the failures.
@@ -66,21 +59,19 @@ fn tell(seed: u64, ways: &[Way]) {
     println!("n = {}, m = {}", problem.n(), problem.m());
     let oracle = Oracle::new(problem);
     for &way in ways {
-        for (k, monolithic) in [true, false].into_iter().enumerate() {
-            let run = run(&trial, way, monolithic);
-            println!("---- {} {}: {}", way.name(), WAYS[k], run.end);
-            for (number, step) in run.steps.iter().enumerate() {
-                print_step(number, step);
-                let start = run.start(&trial, number);
-                if step.status == Status::Converged {
-                    let load = &trial.loads[number];
-                    for d in oracle.deviations(load, &start, &step.u, &step.lambda) {
-                        if !(d.times <= 1.0) {
-                            println!(
-                                "  WRONG: {} at {}, {:.2e} times what is allowed",
-                                d.name, d.place, d.times
-                            );
-                        }
+        let run = run(&trial, way);
+        println!("---- {}: {}", way.name(), run.end);
+        for (number, step) in run.steps.iter().enumerate() {
+            print_step(number, step);
+            let start = run.start(&trial, number);
+            if step.status == Status::Converged {
+                let load = &trial.loads[number];
+                for d in oracle.deviations(load, &start, &step.u, &step.lambda) {
+                    if !(d.times <= 1.0) {
+                        println!(
+                            "  WRONG: {} at {}, {:.2e} times what is allowed",
+                            d.name, d.place, d.times
+                        );
                     }
                 }
             }
@@ -116,6 +107,19 @@ fn a_few_random_problems() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// A block beside a floor that it never reaches, and one between walls that drifts past them: springs find their ends without forces,
+/// though the sum of the rest is below the rounding of so far a motion.
+#[test]
+fn bodies_that_drift_are_not_held() {
+    for seed in [355, 395] {
+        let trial = trial(seed).or_panic();
+        for way in [Way::Cholesky, Way::Pcg] {
+            let run = run(&trial, way);
+            assert_eq!(run.end, "not_held", "{seed} {}", way.name());
+        }
+    }
+}
+
 /// Trying all sets finds the solver's solution.
 #[test]
 fn all_sets_hold_the_solution() {
@@ -123,7 +127,7 @@ fn all_sets_hold_the_solution() {
     for seed in 1..=150 {
         let Ok(trial) = trial(seed) else { continue };
         let oracle = Oracle::new(&trial.problem);
-        let run = run(&trial, Way::Cholesky, true);
+        let run = run(&trial, Way::Cholesky);
         for (number, step) in run.steps.iter().enumerate() {
             let start = run.start(&trial, number);
             let load = &trial.loads[number];
@@ -151,7 +155,7 @@ fn the_check_detects_a_neighbouring_problem() {
     for seed in 1..=150 {
         let Ok(trial) = trial(seed) else { continue };
         let oracle = Oracle::new(&trial.problem);
-        let right = run(&trial, Way::Cholesky, true);
+        let right = run(&trial, Way::Cholesky);
         if right.steps[0].status != Status::Converged {
             continue;
         }

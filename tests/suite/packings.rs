@@ -316,6 +316,21 @@ fn bodies_that_more_contacts_hold_than_they_have_motions() {
     assert_eq!(solved, 48);
 }
 
+/// The error grows in steps that are solved, which must not make them shorter.
+#[test]
+fn larger_packings() {
+    for seed in [3, 7] {
+        let packing = Packing::new(seed, [[4, 3, 3], [5, 4, 4]][seed as usize % 3]);
+        for Found {
+            status, steps, off, ..
+        } in all_of(&packing, 1e-8)
+        {
+            let what = format!("seed {seed}: {status:?} after {steps} steps, off by {off:e}");
+            assert!(status == Status::Converged && off <= 1e-7, "{what}");
+        }
+    }
+}
+
 #[test]
 #[ignore = "minutes of Gauss–Seidel"]
 fn beside_gauss_seidel() {

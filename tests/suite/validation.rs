@@ -165,9 +165,8 @@ fn blocks_pushed_sideways() {
 /// Coulomb friction takes at most 1.3 times the products that the slip bounds it ends with would take if they were
 /// given.
 fn at_the_price_of_tresca(text: &str) {
-    let [coulomb, tresca, rounds] = price_of_coulomb(&case(text), 1e-6);
+    let [coulomb, tresca] = price_of_coulomb(&case(text), 1e-6);
     assert!(10 * coulomb <= 13 * tresca, "{coulomb}, {tresca}");
-    assert!(coulomb <= rounds, "{coulomb}, {rounds}");
 }
 
 /// The GRECO plate (SSNV128). The reference is an independent 128 × 128 computation.

@@ -177,16 +177,11 @@ impl Log {
         self.erase();
         let Round { round: k, info, .. } = round;
         let cost = format!("{} steps, {} products", info.iter, info.n_a);
-        if round.frozen {
-            eprintln!(
-                "solve {k}: frozen slip bounds, off by {:.2e} at the end; {cost}",
-                round.friction_change
-            );
-        } else if round.on_springs {
+        if round.on_springs {
             eprintln!("solve {k}: weak springs under bodies that only contact holds; {cost}");
         } else {
             eprintln!(
-                "solve {k}: monolithic steps make no progress, least err {:.2e}; {cost}",
+                "solve {k}: Newton steps make no progress, least err {:.2e}; {cost}",
                 info.err_relative
             );
         }

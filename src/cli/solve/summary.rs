@@ -46,7 +46,7 @@ fn describe(status: Option<Status>) -> &'static str {
     match status {
         Status::Converged => "converged",
         Status::IterationLimit => {
-            "NOT converged: the limit of outer steps (solver.max_iterations) or rounds (solver.max_rounds) is reached"
+            "NOT converged: the limit of outer steps (solver.max_iterations) is reached"
         }
         Status::Stagnated => {
             "NOT converged: progress has stopped; loosen solver.tolerance or, where PCG is used, try --stiffness cholesky"
@@ -77,14 +77,9 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
         1 => String::new(),
         n => format!(" in the last of {n} load steps"),
     };
-    let end = if step.friction_change == 0.0 {
-        "weak springs or frozen slip bounds were used in between".to_owned()
-    } else {
-        format!("frozen slip bounds are off by {:.1e}", step.friction_change)
-    };
     let solves = step.rounds;
     Some(format!(
-        "  {solves} solves{steps}: monolithic steps alone made no progress, {end}"
+        "  {solves} solves{steps}: the first one made no progress, weak springs were used in between"
     ))
 }
 

@@ -484,10 +484,6 @@ fn settings_and_units_are_checked_with_their_line() {
         ("tolerance = 1", "tolerance must lie between 0 and 1"),
         ("r_tol = 0", "r_tol must lie between 0 and 1"),
         ("c_fact = -1", "c_fact must lie between 0 and 1"),
-        (
-            "friction_tolerance = 2",
-            "friction_tolerance must lie between 0 and 1",
-        ),
         ("beta = 0", "beta must be positive"),
     ] {
         let message = error(&format!("{SOLID}[solver]\nmethod = \"exact\"\n{line}\n"));

@@ -202,10 +202,10 @@ fn zoomed(mut parts: Places, fields: &ContactFields) -> Places {
     parts
 }
 
-/// The error over the products with A, load steps and rounds with frozen slip bounds marked.
+/// The error over the products with A, load steps and solves marked.
 pub(super) fn convergence(report: &Report) -> Chart {
     let mut rules = Vec::new();
-    let (mut newton, mut frozen, mut before) = (Vec::new(), Vec::new(), 0);
+    let (mut newton, mut before) = (Vec::new(), 0);
     let mut last: Option<(usize, usize)> = None;
     let mut products = 0;
     for row in &report.history {
@@ -214,22 +214,13 @@ pub(super) fn convergence(report: &Report) -> Chart {
             before += products;
             rules.push(before as f64);
             newton.push(GAP);
-            frozen.push(GAP);
         }
         last = Some(now);
         products = row.step.n_a;
-        let curve = if row.frozen { &mut frozen } else { &mut newton };
-        curve.push(((before + products) as f64, row.step.err));
+        newton.push(((before + products) as f64, row.step.err));
     }
-    let dotted = |name, colour, points| Series::new(name, colour, Mark::LineAndDots, points);
-    let mut series = vec![dotted("error, relative to the first", colour::BLUE, newton)];
-    if !report.friction_history.is_empty() {
-        let changes = report.friction_history.clone();
-        let name = "error of rounds with frozen slip bounds";
-        series.push(dotted(name, colour::GREEN, frozen));
-        let name = "change of the slip bounds after a round";
-        series.push(dotted(name, colour::ORANGE, changes));
-    }
+    let name = "error, relative to the first";
+    let series = vec![Series::new(name, colour::BLUE, Mark::LineAndDots, newton)];
     Chart {
         title: "Convergence".to_owned(),
         x: Axis::new("products with A", ""),

@@ -149,11 +149,6 @@ fn broken_cases_are_explained_with_their_line() {
             "line 10: factors apply to load steps",
         ),
         (
-            "[[contact]]",
-            "[solver]\nfriction_tolerance = 0\n[[contact]]",
-            "friction_tolerance must lie",
-        ),
-        (
             "half_plane = { point = [0, 0], normal = [0, 1] }",
             "circle = { center = [0, 0], radius = 0 }",
             "positive radius",

@@ -26,9 +26,6 @@ pub const NODAL: f64 = 1000.0;
 /// sum.
 pub const CLOSE: f64 = 1e-4;
 
-/// The friction tolerance by default. A finer tolerance than this takes that of the friction along.
-pub const FRICTION_DEFAULT: f64 = 1e-5;
-
 /// A row of `contact.csv`.
 #[derive(Clone, Debug)]
 pub struct Node {
@@ -88,13 +85,7 @@ pub fn solve_with(name: &str, text: &str, files: &[(&str, String)], how: How) ->
     let mut command = command(&["solve"]);
     command.arg(&case).arg("--output").arg(&out);
     command.args(["--backend", "cpu", "--stiffness", how.path]);
-    let friction = how.tolerance.min(FRICTION_DEFAULT);
-    for setting in [
-        format!("solver.tolerance={:e}", how.tolerance),
-        format!("solver.friction_tolerance={friction:e}"),
-    ] {
-        command.args(["--set", &setting]);
-    }
+    command.args(["--set", &format!("solver.tolerance={:e}", how.tolerance)]);
     if how.quiet {
         command.arg("--quiet");
     }

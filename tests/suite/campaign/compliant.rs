@@ -105,7 +105,7 @@ fn compliant<const D: usize>(trial: &Trial<D>, random: &mut Random) -> Trial<D> 
     }
 }
 
-/// Tries problems on both paths; returns products with compliant and with hard contact where both were solved without rounds.
+/// Tries problems on both paths; returns products with compliant and with hard contact where both were solved at once.
 fn tried<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>, problems: u64) -> [usize; 2] {
     let (mut wrong, mut products, mut unsolved) = (Vec::new(), [0, 0], 0);
     let (first, problems) = match number("CAMPAIGN_ONLY") {
@@ -149,9 +149,9 @@ fn tried<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>, problems: 
             let in_one =
                 |run: &Run<D>| run.solved() && run.steps.iter().all(|step| step.rounds.len() == 1);
             if before.solved() && found.solved() && !(in_one(&before) && in_one(&found)) {
-                // Coulomb's law in rounds: tens of products, with or without a compliance.
+                // Coulomb's law on springs: tens of products, with or without a compliance.
                 println!(
-                    "{seed} {}: {} products, hard {}: rounds",
+                    "{seed} {}: {} products, hard {}: springs",
                     way.name(),
                     found.products(),
                     before.products()

@@ -321,7 +321,7 @@ fn check(seeds: std::ops::Range<u64>) {
 #[test]
 fn random_bodies_obey_the_law() {
     check(1..121);
-    // Rounds of a loosely solved problem asked for a tolerance of 1.
+    // The tolerance of a loosely solved problem was 1.
     for seed in [22665, 41865] {
         for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
             let (wrong, _) = campaign(seed..seed + 1, stiffness);

@@ -207,8 +207,8 @@ fn on_all_paths(order: Order) {
     }
 }
 
-/// F/G = (tan α + μ)/(1 − μ tan α): a wedge pushed up an elastic slope (NAFEMS CGS-4), and a steeper one on which rounds
-/// of slip bounds alone would not settle.
+/// F/G = (tan α + μ)/(1 − μ tan α): a wedge pushed up an elastic slope (NAFEMS CGS-4), and a steeper one on which a
+/// fixed point of slip bounds would not settle.
 #[test]
 fn wedge_in_space() {
     let material = Material::new(1e6, 0.3);
