@@ -336,7 +336,7 @@ where
                 (total_load.iter_mut().zip(force)).for_each(|(sum, force)| *sum += force);
             }
             let (_, slide) = elastic.contact.held_motion(&unknowns);
-            let driven = definition.driven(&elastic.pairs, &elastic.pair_of, step);
+            let driven = definition.driven(&elastic.pairs, &elastic.pair_of, end_of(step));
             steps.push(Step {
                 factor: definition.factor(&None, end_of(step)),
                 total_load,
