@@ -403,8 +403,8 @@ pub enum ContactError {
     },
     /// Prescribed displacements move the sides of a tie apart.
     #[error(
-        "supports move the sides of the tie at {place} by {apart:.3e} against each other, or against the motion that a coupling \
-         or a preload states, and leave neither free to follow: change the prescribed displacements"
+        "supports move the sides of the tie at {place} by {apart:.3e} against each other, or against the motion that a coupling, \
+         a preload or an equation states, and leave neither free to follow: change the prescribed displacements"
     )]
     DrivenApart {
         /// The place.

@@ -377,8 +377,7 @@ where
         self
     }
 
-    /// Displacements may be large: bodies turn and bend, and balance, contact and friction hold at their final positions. Contact
-    /// is then with obstacles only, and supports hold each body.
+    /// Displacements may be large: bodies turn and bend, and balance, contact and friction hold at their final positions.
     pub fn large_displacements(mut self) -> Self {
         self.definition.analysis.geometry = Geometry::Large;
         self

@@ -40,8 +40,8 @@ pub struct ContactRows<const D: usize = 2> {
     pub compliance: Vec<f64>,
     /// The contributions of prescribed displacements to N u and to T u, row by row.
     held: [Vec<Vec<Held>>; 2],
-    /// Candidates whose normal motion is entirely prescribed: their place, gap, and that motion.
-    fixed: Vec<(Location, f64, Vec<Held>)>,
+    /// Candidates whose normal motion is entirely prescribed: their number, place, gap, and that motion.
+    fixed: Vec<(usize, Location, f64, Vec<Held>)>,
     /// Rows of tied places with an entirely prescribed relative motion of both sides: the row of N or T, the place, and that motion.
     fixed_ties: Vec<([usize; 2], Location, Vec<Held>)>,
     /// In space: nodes with friction along one tangent only, the motion that supports prescribe along the other, and its
@@ -83,7 +83,7 @@ where
         let is_held = is_alone && length(left) <= 1e-8;
         let is_tied = candidate.slip_bound == SlipBound::Tied;
         if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 && !is_tied {
-            fixed.push((candidate.place.into(), candidate.gap, motion));
+            fixed.push((number, candidate.place.into(), candidate.gap, motion));
             continue;
         }
         let row_number = rows[0].len();
@@ -176,8 +176,11 @@ fn make_independent<const D: usize>(
     places: &[ContactPlace<D>],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
-    let on_obstacles =
-        |place: &&ContactPlace<D>| place.partners.is_empty() && place.slip_bound != SlipBound::Tied;
+    // An obstacle that moves with a point has its own unknowns.
+    let on_obstacles = |place: &&ContactPlace<D>| {
+        let is_alone = place.partners.is_empty() && place.further.is_empty();
+        is_alone && place.slip_bound != SlipBound::Tied
+    };
     let mut times: HashMap<u32, usize> = HashMap::new();
     for place in places.iter().filter(on_obstacles) {
         *times.entry(place.own[0].0).or_default() += 1;
@@ -442,16 +445,17 @@ impl<const D: usize> ContactRows<D> {
     /// [`ContactError::DrivenAlong`] if they drive one across the direction in which it can slide,
     /// [`ContactError::DrivenApart`] if they move the sides of a tie against each other.
     pub fn check(&self, unknowns: &Unknowns<D>) -> Result<(), ContactError> {
-        self.check_stated(unknowns, |_| Some(0.0))
+        self.check_stated(unknowns, |_| true, |_| Some(0.0))
     }
 
-    /// The same where the motion of a row of N is the one stated for it, or is free.
+    /// The same of candidates that act, where the motion of a row of N is the one stated for it, or is free.
     pub(crate) fn check_stated(
         &self,
         unknowns: &Unknowns<D>,
+        acts: impl Fn(usize) -> bool,
         stated: impl Fn(usize) -> Option<f64>,
     ) -> Result<(), ContactError> {
-        for (place, gap, held) in &self.fixed {
+        for (_, place, gap, held) in self.fixed.iter().filter(|fixed| acts(fixed.0)) {
             let moved = motion(held, unknowns);
             let depth = moved - gap;
             if depth > 1e-9 * gap.max(moved.abs()) {

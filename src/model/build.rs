@@ -216,7 +216,8 @@ where
             }
             false => {
                 let of = (&candidates.pairs[..], &pair_of[..]);
-                definition.foresee(&mesh, &prescriptions, &unknowns, &contact, of)?;
+                let all = &candidates.pair_of;
+                definition.foresee(&mesh, &prescriptions, &unknowns, &contact, of, all)?;
             }
         }
         definition.count_places(&mesh, &contact, &pair_of, &is_met, &mut candidates.pairs)?;

@@ -2,7 +2,7 @@
 //!
 //! A coupling of obstacles alone gets D + 1 nodes of its own, and a truss between them: a body that floats, whose rigid motions are those
 //! of the point. Forces on it spread over the nodes in proportion to rigid motions (`Determined::distributing`), so that forces in
-//! balance leave none on any node. The truss never deforms, and its stiffness is of no account.
+//! balance leave none on any node. The truss never deforms; its stiffness is arbitrary.
 
 use super::Definition;
 use crate::elasticity::{Bedding, Material, Plane};
@@ -58,12 +58,8 @@ where
             };
             for (i, &a) in nodes.iter().enumerate() {
                 if D == 2 && self.plane() == Plane::Axisymmetric {
-                    let radial = [0.0; D];
-                    bedding.add_bar(
-                        [a, a],
-                        from_fn(|c| if c == 0 { 1.0 } else { radial[c] }),
-                        stiffness,
-                    );
+                    let radial = from_fn(|c| if c == 0 { 1.0 } else { 0.0 });
+                    bedding.add_bar([a, a], radial, stiffness);
                 }
                 for &b in &nodes[i + 1..] {
                     let way = unit(minus(at(b), at(a)));

@@ -2,6 +2,7 @@
 //!
 //! The rows of B stay what they are, and with them A: a row that does not act has an infinite gap and no friction.
 
+use super::entities::Support;
 use super::loads::end_of;
 use super::pair::Pair;
 use super::supports::Prescriptions;
@@ -47,7 +48,10 @@ where
     ) -> Result<Option<Changes>, ModelError> {
         let pairs: Vec<&Pair<D>> = self.pairs.iter().chain(&self.ties).collect();
         let is_free = |driven: &Driven| driven.motion.is_none();
-        if !pairs.iter().any(|pair| pair.has_steps()) && !driven.iter().any(is_free) {
+        let changes = pairs.iter().any(|pair| pair.has_steps())
+            || self.supports.iter().any(Support::changes)
+            || driven.iter().any(is_free);
+        if !changes {
             return Ok(None);
         }
         let mut made = Changes {

@@ -730,6 +730,7 @@ where
         first: &Unknowns<D>,
         contact: &ContactRows<D>,
         (pairs, pair_of): (&[PairData<D>], &[u32]),
+        of_candidates: &[u32],
     ) -> Result<(), ModelError> {
         let mut seen = HashSet::new();
         for step in 0..self.n_steps() {
@@ -738,8 +739,11 @@ where
                 .chain(self.preloads.iter().map(|p| p.load_factors()))
                 .chain(self.equations.iter().map(|e| e.load_factors()))
                 .map(|factors| self.factor(factors, end_of(step)).to_bits());
-            let acts = (self.supports.iter()).map(|support| support.acts(step).into());
-            if !seen.insert(factors.chain(acts).collect::<Vec<u64>>()) {
+            let states = (self.supports.iter())
+                .map(|support| u64::from(support.acts(step)) + 2 * u64::from(support.locks(step)));
+            let acting = (self.pairs.iter()).map(|pair| u64::from(pair.acts(step)));
+            let key = factors.chain(states).chain(acting);
+            if !seen.insert(key.collect::<Vec<u64>>()) {
                 continue;
             }
             let later;
@@ -755,7 +759,11 @@ where
                     .map(|driven| (driven.row, driven.motion))
                     .collect();
             let stated = |row: usize| driven.get(&row).copied().unwrap_or(Some(0.0));
-            let Err(error) = contact.check_stated(unknowns, stated) else {
+            let acts = |candidate: usize| {
+                let pair = self.pairs.get(of_candidates[candidate] as usize);
+                pair.is_none_or(|pair| pair.acts(step))
+            };
+            let Err(error) = contact.check_stated(unknowns, acts, stated) else {
                 continue;
             };
             // The support that moves the node most.

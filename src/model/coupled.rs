@@ -16,7 +16,7 @@ use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Location};
 use crate::rigid::{self, Frame};
 use faer::Mat;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 
 /// A displacement is independent of others if this part of its length is left without them: files have six digits at least.
 const INDEPENDENT: f64 = 1e-5;
@@ -326,7 +326,8 @@ where
         let mut taken: HashSet<u32> = HashSet::new();
         let of = |(number, coupling): (usize, &Coupling<D>)| {
             let mut of = HashSet::new();
-            for name in coupling.contacts.iter().flat_map(Names::all) {
+            let names = coupling.contacts.iter().flat_map(Names::all);
+            for name in names.collect::<BTreeSet<_>>() {
                 let is_it = |pair: &Pair<D>| pair.name.as_ref() == Some(name);
                 let before = of.len();
                 for (i, pair) in self

@@ -509,7 +509,13 @@ impl<const D: usize> Part for Support<D> {
             let alone = (around || self.symmetry).then_some(
                 "a support that rotates holds all directions: state only displacements along the axes beside rotate",
             );
-            return alone.or(turn.fault()).map(|text| Flaw::of("rotate", text));
+            let lasting = self.changes().then_some(
+                "a support that rotates acts in all load steps: leave active and lock out, or rotate out",
+            );
+            return alone
+                .or(lasting)
+                .or(turn.fault())
+                .map(|text| Flaw::of("rotate", text));
         }
         let text = match target {
             Target::Point(_) | Target::Nodes(_) if self.symmetry => alone::<D>(),

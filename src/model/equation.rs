@@ -1,14 +1,14 @@
 //! Linear equations between displacements of nodes.
 
 use super::contacts::Found;
-use super::driven::{Drive, measured};
+use super::driven::{Drive, Term, measured};
 use super::entities::{AXES, Facts, Names, Part, Target, by_step, in_a_place, with_a_name};
 use super::error::{EntityKind, Fault};
 use super::stated::{self, Flaw};
 use super::{PairData, Units};
 use crate::contact::Space;
 use crate::elasticity::Body;
-use crate::mesh::ElementKind;
+use crate::mesh::{ElementKind, Location};
 use serde::{Deserialize, Serialize};
 
 /// A sum of displacements of nodes, each with factors along the axes, that has a value.
@@ -185,17 +185,30 @@ where
                 odd.len()
             )));
         }
-        let places = (0..count).map(|i| {
-            let terms = nodes.iter().zip(&self.terms);
-            let terms = terms.map(|(set, term)| (set[i % set.len()], term.factors()));
-            let terms: Vec<_> = terms.collect();
-            let own = terms[0].0;
+        let place = |i: usize| {
+            // Terms of one node add up.
+            let mut sums: Vec<Term<D>> = Vec::new();
+            for (set, term) in nodes.iter().zip(&self.terms) {
+                let (node, factors) = (set[i % set.len()], term.factors());
+                match sums.iter_mut().find(|sum| sum.0 == node) {
+                    Some((_, sum)) => (0..D).for_each(|c| sum[c] += factors[c]),
+                    None => sums.push((node, factors)),
+                }
+            }
+            sums.retain(|(_, factors)| factors.iter().any(|&factor| factor != 0.0));
+            let Some(&(own, _)) = sums.first() else {
+                let x = Location::from(body.mesh.nodes[nodes[0][i % nodes[0].len()] as usize]);
+                return Err(Fault::Stated(format!(
+                    "its terms at the node at {x} cancel out: nothing is left of the equation"
+                )));
+            };
             let at = (body.mesh.nodes[own as usize], i as u32);
             // Any direction: it carries the multiplier.
             let mut frame = [[0.0; D]; D];
             frame[0][0] = 1.0;
-            measured(at, own, frame, terms)
-        });
+            Ok(measured(at, own, frame, sums))
+        };
+        let places = (0..count).map(place).collect::<Result<Vec<_>, Fault>>()?;
         let told: Vec<String> = self.terms.iter().map(Summand::told).collect();
         let data = PairData {
             tied: true,
@@ -211,6 +224,6 @@ where
                 },
             )
         };
-        Ok((places.collect(), data))
+        Ok((places, data))
     }
 }

@@ -37,7 +37,7 @@ pub struct Entity {
 }
 
 /// The parts that models consist of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EntityKind {
     /// The model as a whole.
     Model,
@@ -58,6 +58,7 @@ pub enum EntityKind {
     /// A rotation.
     Rotation,
     /// A contact.
+    #[default]
     Contact,
     /// A tie.
     Tie,

@@ -1,4 +1,5 @@
-//! Supports that do not act in all load steps, or hold their nodes where they are: rows with free multipliers, so that K stays.
+//! Supports that do not act in all load steps, or hold their nodes where they are: rows with
+//! free multipliers. K is the same in all load steps.
 
 use super::contacts::Found;
 use super::driven::{Drive, measured};
@@ -36,23 +37,23 @@ where
     /// Its places: one for each direction in which it holds a node.
     pub(super) fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
         let zero = Quantity::from(0.0);
-        // The directions of nodes, which may be in several facets, with what it prescribes along them.
-        let mut held: BTreeMap<u32, (Vec<[f64; D]>, Vec<f64>)> = BTreeMap::new();
+        // Nodes, which may be in several facets: a basis of the directions in which each is held, and these directions with what is
+        // prescribed along them.
+        type Ways<const D: usize> = (Vec<[f64; D]>, Vec<([f64; D], f64)>);
+        let mut held: BTreeMap<u32, Ways<D>> = BTreeMap::new();
         for (node, ways) in self.nodes(body.mesh, &zero)? {
             for (way, quantity) in ways {
-                let (known, values) = held.entry(node).or_default();
-                let before = known.len();
-                extended(known, way.vector(), SAME);
-                if known.len() > before {
-                    known[before] = way.vector();
-                    values.push(quantity.at(body.mesh.nodes[node as usize]));
+                let (basis, ways) = held.entry(node).or_default();
+                if extended(basis, way.vector(), SAME) {
+                    let value = quantity.at(body.mesh.nodes[node as usize]);
+                    ways.push((way.vector(), value));
                 }
             }
         }
         let (mut places, mut drives) = (Vec::new(), Vec::new());
-        for (node, (ways, values)) in held {
+        for (node, (_, ways)) in held {
             let x = body.mesh.nodes[node as usize];
-            for (way, value) in ways.into_iter().zip(values) {
+            for (way, value) in ways {
                 let mut frame = [[0.0; D]; D];
                 frame[0] = way;
                 let place = measured((x, places.len() as u32), node, frame, vec![(node, way)]);

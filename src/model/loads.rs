@@ -26,9 +26,10 @@ pub struct StepData<const D: usize = 2> {
     pub load: Load,
     /// The temperature of the bodies.
     pub temperature: TemperatureField<D>,
-    /// What contacts, ties and friction are in this step; None where they are the same in all.
+    /// What contacts, ties, friction and supports are in this step; None where they are the same in all.
     pub changes: Option<Changes>,
-    /// The state of the rows that preloads and couplings state the motion of, or the force.
+    /// The rows whose motion, or the force in place of it, the step states: of preloads, couplings, equations, and supports that
+    /// change.
     pub driven: Vec<Driven>,
 }
 

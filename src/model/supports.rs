@@ -9,7 +9,7 @@ use crate::contact::Space;
 use crate::elasticity::{Bedding, Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{
-    ElementKind, Facet, FacetPoint, Location, Mesh, Topology, facet_corners, facet_nodes,
+    Element, ElementKind, Facet, FacetPoint, Location, Mesh, Topology, facet_corners, facet_nodes,
 };
 use crate::problem::{LARGEST, SIZES, is_sized};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -373,8 +373,10 @@ where
     ElementKind: Topology<D>,
 {
     let distance = |node: &u32| length(minus(mesh.nodes[*node as usize], point));
-    let nearest = (0..mesh.nodes.len() as u32)
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    // Those of obstacles that move belong to no element.
+    let of_elements = mesh.elements.iter().flat_map(Element::nodes).copied();
+    let nearest = of_elements
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
         .expect("a mesh has nodes");
     let far = distance(&nearest);
     if far <= 0.05 * diagonal(mesh) {

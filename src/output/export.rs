@@ -202,6 +202,9 @@ fn laws<const D: usize, K>(
     suffix: &str,
 ) -> Result<(), OutputError> {
     let m = problem.m();
+    for key in ["friction_coefficient", "slip_bound", "tied"] {
+        table.remove(key);
+    }
     let mut name = |key: &str, called: &str, column: Vec<f64>| -> Result<(), OutputError> {
         table[key] = value(files.columns(&format!("{called}{suffix}"), &[column])?);
         Ok(())

@@ -4,7 +4,7 @@ use super::put;
 use crate::contact::{Space, pooled};
 use crate::elasticity::{Deformed, Stress, Temperature, cauchy_stresses, stresses_at};
 use crate::mesh::{ElementKind, Topology};
-use crate::model::{Elastic, StepData};
+use crate::model::{Elastic, EntityKind, StepData};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
 use crate::ssnm::Sets;
@@ -266,7 +266,7 @@ where
 }
 
 /// The contact place that each node shows: its own, or on a partly covered facet the one with the largest share in the
-/// node. Of several the one with the largest pressure. For all contacts, or for one.
+/// node. Of several the one with the largest pressure. For all contacts and what else joins bodies, or for one of them.
 pub fn shown_at_nodes<const D: usize>(
     elastic: &Elastic<D>,
     contact: &ContactFields<D>,
@@ -277,7 +277,15 @@ where
 {
     let mut shown: HashMap<u32, (f64, usize)> = HashMap::new();
     for (i, place) in elastic.contact.places.iter().enumerate() {
-        if pair.is_some_and(|pair| elastic.pair_of[i] as usize != pair) {
+        let of = elastic.pair_of[i] as usize;
+        let is_shown = match pair {
+            Some(pair) => of == pair,
+            None => !matches!(
+                elastic.pairs[of].kind,
+                EntityKind::Support | EntityKind::Equation
+            ),
+        };
+        if !is_shown {
             continue;
         }
         for &(node, weight) in place.own.iter().filter(|own| own.1 > 0.0) {

@@ -19,6 +19,9 @@ const PEAK: f64 = 0.7;
 /// The forces of a contact at the end of a step.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ContactReport {
+    /// What it is of: a contact, or what else joins bodies.
+    #[serde(skip)]
+    pub kind: EntityKind,
     /// Its own name, if any.
     pub name: Option<String>,
     /// The boundary that carries the multipliers.
@@ -73,9 +76,12 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
-    /// Whether it is a preload or a coupling, which has no pressure.
+    /// Whether it is a preload, a coupling or an equation, which has no pressure.
     pub fn is_driven(&self) -> bool {
-        self.tension.is_some() || !self.motion.is_empty()
+        matches!(
+            self.kind,
+            EntityKind::Preload | EntityKind::Coupling | EntityKind::Equation
+        )
     }
 
     /// Its name in pictures and the summary: its own or, without one, both sides.
@@ -167,6 +173,7 @@ where
     let centres = pair_centres(elastic);
     let mut contacts: Vec<ContactReport> = (elastic.pairs.iter().zip(&centres))
         .map(|(pair, centre)| ContactReport {
+            kind: pair.kind,
             name: pair.name.clone(),
             boundary: pair.boundary.clone(),
             against: pair.against.clone(),

@@ -373,7 +373,8 @@ fn equations_make_displacements_equal() {
         }
     }
     // Any other equation holds.
-    let of_right: [(&str, &[(u64, usize, f64)]); 4] = [
+    type Terms = &'static [(u64, usize, f64)];
+    let of_right: [(&str, Terms); 4] = [
         ("2\n15,1,1.,5,1,1.\n", &[(15, 0, 1.0), (5, 0, 1.0)]),
         ("2\n15,1,1.,5,2,-1.\n", &[(15, 0, 1.0), (5, 1, -1.0)]),
         (

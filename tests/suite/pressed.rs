@@ -240,8 +240,7 @@ fn columns(heights: &[(f64, [f64; 2])]) -> Mesh<3> {
         column.raised().or_panic()
     };
     let all = heights.iter().enumerate().map(column);
-    all.reduce(|mesh, next| join(mesh, next))
-        .expect("there is one")
+    all.reduce(join).expect("there is one")
 }
 
 /// A free rigid plate pressed by a force on four columns of different heights: a table, whose feet push as statics and their
@@ -330,7 +329,8 @@ fn solved(mut a: [[f64; 3]; 3], mut b: [f64; 3]) -> [f64; 3] {
         let pivot = (i..3)
             .max_by(|&j, &k| a[j][i].abs().total_cmp(&a[k][i].abs()))
             .expect("three");
-        (a.swap(i, pivot), b.swap(i, pivot));
+        a.swap(i, pivot);
+        b.swap(i, pivot);
         for j in i + 1..3 {
             let factor = a[j][i] / a[i][i];
             (0..3).for_each(|k| a[j][k] -= factor * a[i][k]);

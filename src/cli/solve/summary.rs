@@ -1,6 +1,6 @@
 //! The end of a solve in words, on standard output.
 
-use signorini::model::Units;
+use signorini::model::{EntityKind, Units};
 use signorini::output::{ContactReport, Report, StepReport};
 use signorini::ssnm::{SetSizes, Status};
 use std::path::PathBuf;
@@ -165,6 +165,13 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
     let of_support = moment.clone();
     let length = Units::behind(&units.length);
     let contacts = step.contacts.iter().map(move |contact| {
+        if contact.kind == EntityKind::Equation {
+            return format!(
+                "  equation {}: holds at {} places",
+                contact.title(),
+                contact.tied
+            );
+        }
         if let (Some(tension), Some(shortening)) = (contact.tension, contact.shortening) {
             return format!(
                 "  preload {}: tension {tension:.6e}{unit}, shortening {shortening:.6e}{length}",

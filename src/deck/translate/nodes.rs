@@ -312,7 +312,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         );
         let mut same: BTreeMap<Key, Same> = BTreeMap::new();
         for ((node, component), track) in &tracks.all {
-            // The one that is held stands for the others.
+            // The one that is held holds the others, too.
             let is_alike = self.equal_of.contains_key(&(*component, *node));
             if let (Kind::Boundary, true, Some(line)) = (kind, is_alike, track.changes()) {
                 if reported.insert(line) {

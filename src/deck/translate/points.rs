@@ -143,7 +143,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 continue;
             }
             if let (true, Some(line)) = (is_motion, track.changes()) {
-                let text = "*BOUNDARY: supports cannot be added or removed between steps; with OP=NEW repeat all earlier ones";
+                let text = "*BOUNDARY: those of reference nodes cannot be added or removed between steps; with OP=NEW repeat all earlier ones";
                 self.refuse(line, "BOUNDARY", text);
             }
             all.push(Given {
@@ -265,7 +265,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             .collect();
         let (given, fixed) = self.given(&references)?;
         if let Some((line, _)) = fixed {
-            let text = "*BOUNDARY, FIXED: only the node of a *PRE-TENSION SECTION can be fixed where it is";
+            let text = "*BOUNDARY, FIXED: of reference nodes only that of a *PRE-TENSION SECTION can be fixed where it is";
             self.refuse(line, "BOUNDARY", text);
         }
         // Zeros fit any history.
