@@ -360,7 +360,7 @@ fn a_motion_against_supports_is_refused() {
         .expect_err("it is contradicted")
         .to_string();
     assert!(
-        text.contains("against the motion that a coupling or a preload states"),
+        text.contains("against the motion that a coupling, a preload or an equation states"),
         "{text}"
     );
     let found = answer(model(2e-4), 1e-10, Stiffness::Cholesky);

@@ -870,8 +870,11 @@ fn a_section_is_tightened_and_fixed() {
             "must not belong to an element of a body",
         ),
         (
-            format!("{section}{STATIC}*BOUNDARY,FIXED\nNright,1,1\n*END STEP\n"),
-            "only the node of a *PRE-TENSION SECTION can be fixed",
+            format!(
+                "*COUPLING,CONSTRAINT NAME=end,REF NODE=99,SURFACE=Send\n*KINEMATIC\n\
+                 {STATIC}*END STEP\n{STATIC}*BOUNDARY,FIXED\n99,1,1\n*END STEP\n"
+            ),
+            "of reference nodes only that of a *PRE-TENSION SECTION can be fixed",
         ),
         (
             format!(

@@ -392,6 +392,36 @@ fn an_obstacle_moves_with_a_rigid_end() {
     }
 }
 
+/// Nodes that supports keep from moving along a plate which moves itself: the plate slides, and friction pulls it back.
+#[test]
+fn a_plate_slides_over_nodes_that_are_held() {
+    let press = 2e6;
+    let mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
+    let model = Model::on(mesh)
+        .material(Material::new(YOUNG, 0.3))
+        .support(Support::on("bottom").fixed())
+        .support(Support::on("top").x(0.0))
+        .contact(
+            Pair::obstacle("top", plate(1.0, -1.0))
+                .named("plate")
+                .coulomb(0.3),
+        )
+        .coupling(
+            Coupling::of_obstacles("plate", [1.0, 1.0])
+                .moved(0, 1e-3)
+                .turned(2, 0.0)
+                .force([0.0, -press]),
+        );
+    for path in PATHS {
+        let found = answer(model.clone(), 1e-11, path);
+        let report = found.report();
+        let plate = &report.contacts[0];
+        let expected = [0.3 * press, -press];
+        assert!(apart(&plate.force, &expected) < 1e-7 * press, "{plate:?}");
+        assert!(apart(&point(&found).force, &expected) < 1e-7 * press);
+    }
+}
+
 #[test]
 fn obstacles_that_cannot_move_are_refused() {
     let mesh = rectangle([0.0, 0.0], [2.0, 1.0], [4, 2], CellShape::Quad, "body", "");

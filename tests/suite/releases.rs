@@ -8,7 +8,7 @@ use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::model::{Coupling, Equation, Model, Pair, Support, Traction};
+use signorini::model::{Axis, Coupling, Equation, Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
@@ -254,6 +254,21 @@ fn equations_of_sets_make_a_periodic_cell() {
         .expect_err("refused")
         .to_string();
     assert!(text.contains("the first step has 0"), "{text}");
+    let turned = Support::at_point([2.0, 0.0, 0.0])
+        .turned(Axis::new([0.0; 3], [0.0, 0.0, 1.0]), 0.1)
+        .active([0.0, 1.0]);
+    let text = model
+        .clone()
+        .support(turned)
+        .build()
+        .expect_err("refused")
+        .to_string();
+    assert!(text.contains("acts in all load steps"), "{text}");
+    let nothing = Equation::of(0.0)
+        .nodes("low", [1.0, 0.0, 0.0])
+        .nodes("low", [-1.0, 0.0, 0.0]);
+    let text = refused(nothing);
+    assert!(text.contains("cancel out"), "{text}");
     let unused = Coupling::<3>::of_obstacles("none", [0.0; 3]);
     let text = model
         .coupling(unused)
@@ -323,5 +338,39 @@ fn large_displacements_know_the_same_supports() {
         }
         let size = forces.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
         assert!(apart(&forces, &found) < 1e-4 * size, "{forces:?} {found:?}");
+    }
+}
+
+/// A corner of two planes of symmetry that are not perpendicular: held along both while they act, in the direction of each.
+#[test]
+fn a_support_that_changes_holds_along_slanted_directions() {
+    let mut mesh = rectangle([0.0, 0.0], [2.0, 1.0], [8, 4], CellShape::Quad, "body", "");
+    for x in &mut mesh.nodes {
+        x[0] += 0.4 * x[1] * (1.0 - x[0] / 2.0);
+    }
+    let model = |hold: fn(Support) -> Support| {
+        Model::on(mesh.clone())
+            .material(Material::new(YOUNG, 0.3))
+            .support(hold(Support::on(["left", "bottom"]).symmetry()))
+            .support(Support::on("right").x(1e-3))
+            .support(Support::at_point([2.0, 0.0]).y(0.0))
+            .traction(Traction::on("top").y(-1e6))
+            .steps([1.0, 1.0])
+    };
+    for path in PATHS {
+        let lasting = answer(model(|support| support), 1e-12, path);
+        let found = answer(
+            model(|support| support.active([1.0, 0.0])).clone(),
+            1e-12,
+            path,
+        );
+        let off = difference(&displacement(&found, 0), &displacement(&lasting, 0));
+        assert!(off < 1e-9 * 1e-3, "{path:?}: {off:e}");
+        // The corner that both hold counts for either.
+        let forces = [lasting.reports(), found.reports()].map(|reports| {
+            let [slanted, corner] = [0, 2].map(|i| &reports[0].supports[i].force);
+            [slanted[0] + corner[0], slanted[1] + corner[1]]
+        });
+        assert!(apart(&forces[0], &forces[1]) < 1e-7 * 1e6, "{forces:?}");
     }
 }
