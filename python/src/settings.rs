@@ -128,6 +128,7 @@ pub fn apply(
         }
     }
     settings
+        .ssnm
         .check()
         .map_err(|error| pyo3::exceptions::PyValueError::new_err(error.to_string()))
 }
