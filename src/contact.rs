@@ -20,7 +20,8 @@ pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 pub use rows::{ContactRows, contact_rows};
 #[cfg(feature = "files")]
-pub(crate) use rows::{pooled, turned};
+pub(crate) use rows::pooled;
+pub(crate) use rows::turned;
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
