@@ -18,10 +18,10 @@ pub use equal::equal_nodes;
 pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
-pub use rows::{ContactRows, contact_rows};
 #[cfg(feature = "files")]
 pub(crate) use rows::pooled;
 pub(crate) use rows::turned;
+pub use rows::{ContactRows, contact_rows};
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};

@@ -141,11 +141,6 @@ where
                  to a boundary",
             ));
         }
-        if let Some(i) = (self.definition.supports.iter()).position(|one| one.changes()) {
-            return Err(self.definition.supports[i].entity(i).error(
-                "several ranks need supports that act in all load steps: solve the model in one process",
-            ));
-        }
         let start = Instant::now();
         let (mut elastic, _) = self.draft()?;
         elastic.assembly_seconds = start.elapsed().as_secs_f64();

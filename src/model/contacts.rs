@@ -109,6 +109,16 @@ where
         }
     }
 
+    /// What ranks other than the first know of it.
+    #[cfg(feature = "mpi")]
+    pub(super) fn known(&(kind, number): &(EntityKind, usize)) -> Self {
+        let nothing = String::new;
+        Self {
+            number,
+            ..Self::between(kind, &None, nothing(), nothing(), nothing())
+        }
+    }
+
     /// Whether it ties single nodes, and has no sides.
     pub fn is_of_nodes(&self) -> bool {
         !matches!(self.kind, EntityKind::Contact | EntityKind::Tie)

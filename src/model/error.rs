@@ -3,6 +3,7 @@
 use crate::contact::ContactError;
 use crate::mesh::BoundaryError;
 use crate::problem::ProblemError;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A model is inconsistent.
@@ -37,7 +38,7 @@ pub struct Entity {
 }
 
 /// The parts that models consist of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub enum EntityKind {
     /// The model as a whole.
     Model,

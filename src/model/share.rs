@@ -8,10 +8,10 @@ use super::analysis::{Holder, held_by, named_by};
 use super::build::loose;
 use super::contacts::Sliding;
 use super::elastic::Elastic;
-use super::error::ModelError;
+use super::error::{EntityKind, ModelError};
 use super::loads::{StepData, TemperatureField, acting, end_of};
 use super::supports::{Prescriptions, SAME, extended};
-use super::{Changes, Definition, Driven, Quantity, Units};
+use super::{Changes, Definition, Driven, PairData, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
@@ -44,6 +44,8 @@ pub(crate) struct Common {
     units_stated: bool,
     places: Vec<Place>,
     pair_of: Vec<u32>,
+    /// The kind of each pair, and its number among its kind.
+    kinds: Vec<(EntityKind, usize)>,
     slip_bound: Vec<f64>,
     coefficient: Vec<f64>,
     compliance: Vec<f64>,
@@ -373,6 +375,9 @@ where
             units_stated: elastic.units_stated,
             places: contact.places.iter().map(Place::of).collect(),
             pair_of: elastic.pair_of.clone(),
+            kinds: (elastic.pairs.iter())
+                .map(|pair| (pair.kind, pair.number))
+                .collect(),
             slip_bound: contact.slip_bound.clone(),
             coefficient: contact.coefficient.clone(),
             compliance: contact.compliance.clone(),
@@ -881,8 +886,8 @@ where
             candidates: Vec::new(),
             sliding: Sliding::default(),
             loose: Vec::new(),
-            // Rank 0 keeps them and puts them here.
-            pairs: Vec::new(),
+            // Rank 0 keeps the others and puts them here.
+            pairs: common.kinds.iter().map(PairData::known).collect(),
             pair_of: common.pair_of.clone(),
             units: Units {
                 length: common.length.clone(),

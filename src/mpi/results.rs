@@ -234,7 +234,11 @@ where
 
     /// The forces on the supports, over all ranks.
     fn supports(&self, of: &OfBodies<D>, solution: &StepSolution<D>) -> Vec<SupportReport> {
-        let mut supports = support_reports(of, solution);
+        let own = self
+            .bodies
+            .as_ref()
+            .map_or(0, |bodies| bodies.received.part.own);
+        let mut supports = support_reports(of, solution, own);
         for support in &mut supports {
             self.group.sum(&mut support.force);
             self.group.sum(&mut support.moment);

@@ -198,8 +198,10 @@ where
         drop(owner);
         give_back_freed();
         let mut received = Received::new(common, part);
-        // On rank 0, without their facets.
-        received.elastic.pairs = pairs;
+        if group.rank() == 0 {
+            // Without their facets.
+            received.elastic.pairs = pairs;
+        }
         received.learn_temperatures(group, &temperatures);
         drop(temperatures);
         group.any(false);

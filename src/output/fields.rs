@@ -190,7 +190,7 @@ where
     /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.
     pub(crate) fn csv(&self, elastic: &Elastic<D>) -> String {
         let place = |i: usize| elastic.contact.places[i].place;
-        let mut order: Vec<usize> = (0..self.gap.len()).collect();
+        let mut order: Vec<usize> = (0..self.gap.len()).filter(|&i| joins(elastic, i)).collect();
         order.sort_by(|&a, &b| {
             let pairs = elastic.pair_of[a].cmp(&elastic.pair_of[b]);
             let places = place(a).into_iter().zip(place(b));
@@ -265,6 +265,15 @@ where
     }
 }
 
+/// Whether a row joins bodies with each other, or with the ground: those of equations and supports have no stresses.
+fn joins<const D: usize>(elastic: &Elastic<D>, row: usize) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    let kind = elastic.pairs[elastic.pair_of[row] as usize].kind;
+    !matches!(kind, EntityKind::Support | EntityKind::Equation)
+}
+
 /// The contact place that each node shows: its own, or on a partly covered facet the one with the largest share in the
 /// node. Of several the one with the largest pressure. For all contacts and what else joins bodies, or for one of them.
 pub fn shown_at_nodes<const D: usize>(
@@ -277,13 +286,9 @@ where
 {
     let mut shown: HashMap<u32, (f64, usize)> = HashMap::new();
     for (i, place) in elastic.contact.places.iter().enumerate() {
-        let of = elastic.pair_of[i] as usize;
         let is_shown = match pair {
-            Some(pair) => of == pair,
-            None => !matches!(
-                elastic.pairs[of].kind,
-                EntityKind::Support | EntityKind::Equation
-            ),
+            Some(pair) => elastic.pair_of[i] as usize == pair,
+            None => joins(elastic, i),
         };
         if !is_shown {
             continue;

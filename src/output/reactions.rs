@@ -328,9 +328,11 @@ where
 }
 
 /// The forces on the supports: inner forces minus all others at the nodes that they hold. Foundations follow, with their own forces.
+/// Nodes from `own` on are those of other ranks.
 pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,
+    own: usize,
 ) -> Vec<SupportReport>
 where
     ElementKind: Space<D>,
@@ -386,7 +388,9 @@ where
     }
     for (row, place) in elastic.contact.places.iter().enumerate() {
         let pair = &elastic.pairs[elastic.pair_of[row] as usize];
-        if let (EntityKind::Support, Some(node)) = (pair.kind, place.node) {
+        if let (EntityKind::Support, Some(node)) = (pair.kind, place.node)
+            && (node as usize) < own
+        {
             let force = place.frame[0].map(|way| -normal[row] * way);
             carry(node, pair.number, force);
         }

@@ -291,7 +291,10 @@ impl Report {
         let (contacts, supports) = match of_bodies {
             Some(of) => {
                 let contacts = self.contacts(of, solution, &hints::apart(of));
-                (contacts, support_reports(of, solution))
+                (
+                    contacts,
+                    support_reports(of, solution, of.elastic.mesh.nodes.len()),
+                )
             }
             None => Default::default(),
         };

@@ -239,7 +239,7 @@ friction = { coulomb = 0.3 }
 "#;
 
 /// A block of second order on a foundation that leaves it free along one axis, where springs hold it, and another one that a spring and
-/// friction hold, and a tie from the second step on.
+/// friction hold, and a tie from the second step on; with supports that end and hold it where it is, and an equation.
 const BED: &str = r#"
 title = "on a foundation and springs"
 [[mesh.part]]
@@ -255,6 +255,18 @@ poisson = 0.3
 [[support]]
 boundary = ["low-front", "up-front"]
 y = 0
+[[support]]
+boundary = "up-right"
+x = 1e-5
+active = [1, 0, 0]
+[[support]]
+boundary = "low-right"
+z = 0
+active = [0, 1, 1]
+lock = [0, 1, 1]
+[[equation]]
+terms = [{ point = [0.5, 0.5, 1], z = 1 }, { point = [1.5, 0.5, 1], z = -1, x = 0.5 }]
+value = 1e-5
 [[foundation]]
 boundary = "low-bottom"
 stiffness = { normal = "2e8 * (1 + x)" }
