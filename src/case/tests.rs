@@ -19,7 +19,8 @@ const ONE_OF_EACH: &str = "\
     [[spring]]\npoint = [0, 0]\nstiffness = 1\ndirection = [0, 1]\n\
     [[preload]]\nboundary = \"cut\"\nforce = 1\n\
     [[coupling]]\nboundary = \"right\"\npoint = [1, 0]\n\
-    [[cyclic]]\nlow = \"left\"\nhigh = \"right\"\naxis = { point = [0, 0] }\nsectors = 12\n";
+    [[cyclic]]\nlow = \"left\"\nhigh = \"right\"\naxis = { point = [0, 0] }\nsectors = 12\n\
+    [[equation]]\nterms = [{ point = [0, 0], x = 1 }]\n";
 
 /// The keys of these kinds: the keys of a model without those of tables that appear once.
 fn lists() -> Vec<&'static str> {

@@ -1,6 +1,6 @@
 mod solid;
 
-use super::structured::{CellShape, join, rectangle};
+use super::structured::{CellShape, SolidShape, block, join, rectangle};
 use super::*;
 
 const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
@@ -164,11 +164,20 @@ fn joined_meshes_are_bodies_of_their_own() {
 
 #[test]
 fn points_in_space_move_and_have_a_box() {
-    let mut points = in_space(vec![[0.0, 1.0, 2.0], [3.0, -1.0, 5.0]]);
-    points.shift([1.0, 2.0, 3.0]);
-    assert_eq!(points.bounding_box(), ([1.0, 1.0, 5.0], [4.0, 3.0, 8.0]));
-    let place = Location::from(points.nodes[0]).to_string();
-    assert_eq!(place, "(1.000000e0, 3.000000e0, 5.000000e0)");
+    let mut solid = block(
+        [0.0, -1.0, 2.0],
+        [3.0, 2.0, 3.0],
+        [1, 1, 1],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
+    solid.shift([1.0, 2.0, 3.0]);
+    // A node without elements does not belong to the body.
+    solid.nodes.push([9.0; 3]);
+    assert_eq!(solid.bounding_box(), ([1.0, 1.0, 5.0], [4.0, 3.0, 8.0]));
+    let place = Location::from(solid.nodes[0]).to_string();
+    assert_eq!(place, "(1.000000e0, 1.000000e0, 5.000000e0)");
     assert_eq!(vector::length([2.0, -3.0, 6.0]), 7.0);
     assert_eq!(vector::dot([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]), 32.0);
 }
