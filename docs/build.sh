@@ -26,6 +26,7 @@ cylinder contact cylinder
 shear deformed-003 shear
 dovetail deformed-001 dovetail
 dovetail contact-002 dovetail-contact
+fretting wear fretting
 roller deformed roller
 collar deformed-002 collar
 shrink-fit deformed-002 shrink-fit

@@ -404,8 +404,12 @@ impl Case {
         let mut told: Vec<_> = parts.filter_map(|(_, part)| part.told(&units)).collect();
         // Loads come before supports.
         told.sort_by_key(|(what, _)| matches!(*what, "support" | "foundation"));
-        if let Some(Steps { factors }) = &definition.steps {
-            told.push(("steps", format!("factors {factors:?}")));
+        if let Some(steps) = &definition.steps {
+            let mut text = format!("factors {:?}", steps.factors);
+            if let Some(cycles) = steps.cycles {
+                text += &format!(", {cycles} cycles");
+            }
+            told.push(("steps", text));
         }
         Ok(told)
     }

@@ -399,6 +399,8 @@ where
         } = reached;
         let (elastic, data, u, slip) = self.elastic.results_at(&settled, to, &at);
         let solution = StepSolution {
+            cycle: 1,
+            worn: Vec::new(),
             status: if unstable {
                 Status::Unstable
             } else {
@@ -459,7 +461,13 @@ where
     for number in 1..=elastic.n_steps() {
         let end = number as f64;
         let factor = elastic.factor(end);
-        if observer(Event::Begins { number, factor }).is_break() {
+        if observer(Event::Begins {
+            number,
+            cycle: 1,
+            factor,
+        })
+        .is_break()
+        {
             return Ok(());
         }
         let mut time = end - 1.0;

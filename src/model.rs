@@ -64,6 +64,7 @@ mod supports;
 #[cfg(test)]
 mod tests;
 mod units;
+mod wear;
 
 pub use analysis::{Analysis, AnyAnalysis};
 pub use axis::Axis;
@@ -87,6 +88,7 @@ pub use preload::Preload;
 pub use quantity::Quantity;
 pub use spring::Spring;
 pub use units::Units;
+pub(crate) use wear::{Cycles, JUMP, Wearing};
 
 #[cfg(feature = "case")]
 pub(crate) use entities::AXES;
@@ -218,11 +220,15 @@ impl<const D: usize> Rotation<D> {
 }
 
 /// Load steps, one after another.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steps {
     /// The factors of loads and prescribed displacements in each step.
     pub factors: Vec<f64>,
+    /// How often the steps are made; None: once.
+    pub cycles: Option<usize>,
+    /// Of cycles with wear: those are left out between which at most this part of it moves elsewhere; None: 0.05.
+    pub jump: Option<f64>,
 }
 
 /// The plane.
@@ -372,8 +378,15 @@ where
     /// Load steps in order: the factors of loads, gravity and prescribed displacements in each, where they have no
     /// factors of their own.
     pub fn steps(mut self, factors: impl Into<Vec<f64>>) -> Self {
-        let factors = factors.into();
-        self.definition.steps = Some(Steps { factors });
+        self.definition.steps.get_or_insert_default().factors = factors.into();
+        self
+    }
+
+    /// The load steps ([`Model::steps`]) are made this often, one cycle after another. Where contacts wear ([`Pair::wear`]), cycles are
+    /// left out over which at most the part `jump` of the wear moves elsewhere; 0 computes all.
+    pub fn cycles(mut self, count: usize, jump: f64) -> Self {
+        let steps = self.definition.steps.get_or_insert_default();
+        (steps.cycles, steps.jump) = (Some(count), Some(jump));
         self
     }
 
@@ -442,6 +455,14 @@ impl<const D: usize> Definition<D> {
     /// Number of load steps.
     pub(crate) fn n_steps(&self) -> usize {
         self.steps.as_ref().map_or(1, |steps| steps.factors.len())
+    }
+
+    /// How often they are made.
+    pub(crate) fn cycles(&self) -> Cycles {
+        (self.steps.as_ref()).map_or(Cycles::ONCE, |steps| Cycles {
+            count: steps.cycles.unwrap_or(1),
+            jump: steps.jump.unwrap_or(JUMP),
+        })
     }
 
     /// The factor, at a time, of a part with these factors of its own: 1 is the end of the first load step, 2 that of the second.
@@ -532,6 +553,21 @@ impl<const D: usize> Definition<D> {
         if self.steps.as_ref().is_some_and(unfit) {
             return Err(Entity::all(EntityKind::Steps)
                 .error("factors needs at least one number, all of them finite"));
+        }
+        let of_steps = |key, text: &str| Err(Entity::all(EntityKind::Steps).at(key).error(text));
+        if self
+            .steps
+            .as_ref()
+            .is_some_and(|steps| steps.cycles == Some(0))
+        {
+            return of_steps("cycles", "there is at least one cycle");
+        }
+        let jump = self.steps.as_ref().and_then(|steps| steps.jump);
+        if jump.is_some_and(|jump| !(0.0..1.0).contains(&jump)) {
+            return of_steps(
+                "jump",
+                "jump is a part of the wear: at least 0, and less than 1",
+            );
         }
         let n_steps = self.n_steps();
         for (number, part) in self.parts() {

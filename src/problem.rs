@@ -428,6 +428,16 @@ impl<const D: usize, K> ContactProblem<D, K> {
         })
     }
 
+    /// The same with more compliance of normal contact, m values; pairs of other solves still hold.
+    pub(crate) fn giving_way(&self, more: &[f64]) -> Self
+    where
+        K: Clone,
+    {
+        let mut made = self.clone();
+        Arc::make_mut(&mut made.system).add_compliance(more);
+        made
+    }
+
     /// Along a row of T without entries nothing slips, whatever the origin of slip.
     fn without_empty_rows(&self, mut case: LoadCase) -> LoadCase {
         let own = &self.own_compliance()[self.m()..];

@@ -161,6 +161,10 @@ pub struct StepSolution<const D: usize = 2> {
     pub kkt: Kkt,
     /// The bodies that are not held, if that is the status.
     pub not_held: Vec<NotHeld>,
+    /// Its cycle, from 1, where load steps are repeated.
+    pub cycle: usize,
+    /// The depth that wear has taken off at each contact place by its end, which counts in its gaps; empty where nothing wears.
+    pub worn: Vec<f64>,
 }
 
 /// A step that could not be finished, with its results so far.
@@ -191,6 +195,22 @@ impl<const D: usize> StepSolution<D> {
             u: self.u.clone(),
             lambda: self.lambda.clone(),
             slide: load.slide.clone(),
+        }
+    }
+
+    /// Counts earlier solves of the same step with the last one.
+    pub(crate) fn count(&mut self, earlier: Vec<Info>) {
+        let Some(last) = self.rounds.last_mut() else {
+            return;
+        };
+        let info = &mut last.info;
+        for one in earlier.into_iter().rev() {
+            info.iter += one.iter;
+            info.n_a += one.n_a;
+            info.n_a_sigma += one.n_a_sigma;
+            info.setup_seconds += one.setup_seconds;
+            info.solve_seconds += one.solve_seconds;
+            info.history.splice(0..0, one.history);
         }
     }
 
@@ -469,6 +489,8 @@ where
             sets: solution.sets,
             kkt: solution.info.kkt,
             not_held,
+            cycle: 1,
+            worn: Vec::new(),
             u: solution.u,
             lambda: solution.lambda,
             rounds: self.made,

@@ -1,18 +1,20 @@
 //! Load steps solved one after another: a model, or a contact problem, in one call, or with an observer at each step.
 
-use crate::constraint::row_of;
+mod steps;
+
 use crate::contact::Space;
-use crate::dual::DualOperator;
 use crate::engine::{self, Engine, EngineError};
 use crate::large;
 use crate::mesh::{ElementKind, Topology};
-use crate::model::{Analysis, AnyBuilt, Built, Changes, ModelError, StepData};
-use crate::problem::{AnyProblem, ContactProblem, Elsewhere, Kkt, UNREACHABLE};
-use crate::quasistatic::{self, Load, Round, State, StepError, StepSolution};
-use crate::ssnm::{RecycledSubspace, SettingsError, Status};
+use crate::model::{Analysis, AnyBuilt, Built, Cycles, Elastic, ModelError, StepData};
+use crate::problem::{AnyProblem, ContactProblem, Kkt};
+use crate::quasistatic::{self, Round, State, StepError, StepSolution};
+use crate::ssnm::{SettingsError, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+#[cfg(feature = "case")]
+pub(crate) use steps::Changed;
+pub(crate) use steps::{Plan, make_steps};
 
 /// The options of a solve.
 #[derive(Clone, Debug, Default)]
@@ -66,8 +68,10 @@ where
 {
     /// A load step begins.
     Begins {
-        /// Its number, from 1.
+        /// Its number among those that are made, from 1.
         number: usize,
+        /// Its cycle, from 1.
+        cycle: usize,
         /// Its common load factor.
         factor: f64,
     },
@@ -82,7 +86,7 @@ pub struct Solved<'a, const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
-    /// Its number, from 1.
+    /// Its number among those that are made, from 1.
     pub number: usize,
     /// Its load and the displacements that its supports prescribe; None for a problem from matrices.
     pub data: Option<&'a StepData<D>>,
@@ -132,11 +136,16 @@ where
         }
         // The pairs of earlier solves on this engine, to which this one adds.
         let mut recycled = std::mem::take(&mut engine.recycled);
-        let steps = (1..=self.n_steps()).map(|number| self.step(number - 1));
+        let plan = Plan {
+            n_steps: self.n_steps(),
+            step: &|step| self.step(step),
+            cycles: self.elastic.map_or(Cycles::ONCE, Elastic::cycles),
+            wearing: self.elastic.and_then(Elastic::wearing),
+        };
         let made = make_steps(
             self.problem,
             before,
-            steps,
+            &plan,
             engine,
             settings,
             &mut recycled,
@@ -164,113 +173,6 @@ where
             Err(error) => Err(Failed { error, finished }),
         }
     }
-}
-
-/// A load step in which contacts, ties or friction are not what they are in the problem.
-pub(crate) struct Changed<const D: usize> {
-    pub problem: ContactProblem<D, Elsewhere>,
-    pub load: Load,
-    pub start: State,
-}
-
-impl<const D: usize> Changed<D> {
-    /// Under the load of a step, from where the one before has ended.
-    pub fn new(
-        problem: &ContactProblem<D, Elsewhere>,
-        load: &Load,
-        state: &State,
-        changes: &Changes,
-    ) -> Self {
-        let (mut load, mut start) = (load.clone(), state.clone());
-        for &row in &changes.idle {
-            load.gap[row] = UNREACHABLE;
-            (0..D).for_each(|a| start.lambda[row_of::<D>(problem.m(), row, a)] = 0.0);
-        }
-        if !changes.bonded.is_empty() {
-            let closed = problem.beyond_compliance(problem.normal(), 0, &state.u, &state.lambda);
-            for &(row, moved) in &changes.bonded {
-                load.gap[row] = closed[row] - moved;
-            }
-        }
-        let (bound, friction) = (changes.slip_bound.clone(), changes.coefficient.clone());
-        Self {
-            problem: problem.under_law(bound, friction),
-            load,
-            start,
-        }
-    }
-}
-
-/// Makes load steps one after another, like [`Analysis::solve_on`], with any way to apply K⁻¹.
-pub(crate) fn make_steps<const D: usize, K>(
-    problem: &ContactProblem<D, K>,
-    before: State,
-    steps: impl Iterator<Item = Result<Option<StepData<D>>, ModelError>>,
-    dual: &mut (impl DualOperator + ?Sized),
-    settings: &quasistatic::StepSettings,
-    recycled: &mut RecycledSubspace,
-    mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
-) -> Result<(), Error>
-where
-    ElementKind: Topology<D>,
-{
-    let begin = Instant::now();
-    settings.ssnm.check()?;
-    let limit = settings.ssnm.time_limit;
-    let mut settings = settings.clone();
-    let mut state = before;
-    let problem = problem.elsewhere();
-    // The rows that have not acted in the step before.
-    let mut idle: Vec<usize> = Vec::new();
-    for (number, data) in (1..).zip(steps) {
-        let data = data?;
-        let factor = data.as_ref().map_or(1.0, |data| data.factor);
-        if observer(Event::Begins { number, factor }).is_break() {
-            break;
-        }
-        let of_problem;
-        let load = match &data {
-            Some(data) => &data.load,
-            None => {
-                of_problem = Load::of(&problem);
-                &of_problem
-            }
-        };
-        let changes = data.as_ref().and_then(|data| data.changes.as_ref());
-        let changed = changes.map(|changes| Changed::new(&problem, load, &state, changes));
-        // Pairs of rows that do not act any more, beside new ones of the same nodes, lead astray: 30 to 469 steps in place of 11 where
-        // a contact becomes a tie.
-        let now_idle = changes.map_or(&[][..], |changes| &changes.idle);
-        if now_idle != idle {
-            *recycled = RecycledSubspace::default();
-            idle = now_idle.to_vec();
-        }
-        settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(begin.elapsed()));
-        let within = |event: quasistatic::Event| observer(Event::Within(event));
-        let (problem, of_step, start) = match &changed {
-            Some(one) => (&one.problem, &one.load, &one.start),
-            None => (&problem, load, &state),
-        };
-        let made =
-            quasistatic::solve_step(problem, of_step, start, dual, &settings, recycled, within);
-        let solution = made.map_err(Box::new)?;
-        let goes_on = solution.status == Status::Converged;
-        state = solution.state(load);
-        let solved = Solved {
-            number,
-            data: data.as_ref(),
-            solution,
-            displaced: None,
-            parts: 1,
-        };
-        if observer(Event::Ends(Box::new(solved))).is_break() || !goes_on {
-            break;
-        }
-    }
-    if !idle.is_empty() {
-        *recycled = RecycledSubspace::default();
-    }
-    Ok(())
 }
 
 impl<const D: usize> Built<D>

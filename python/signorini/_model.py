@@ -211,6 +211,7 @@ class Model:
         search_distance: float | None = None,
         active: Sequence[float] | None = None,
         friction_factors: Sequence[float] | None = None,
+        wear: Mapping[str, float] | None = None,
         **more: Any,
     ) -> Model:
         """Add contact of a boundary, which carries the contact forces, with another one or a rigid obstacle.
@@ -231,11 +232,13 @@ class Model:
         adjust, edge_angle, search_distance : float; optional
         active, friction_factors : list of float; optional
             One for each load step: 1 or, where it has no effect, 0; what the bound or the coefficient of friction is multiplied by.
+        wear : dict; optional
+            ``{"coefficient": 1e-14}`` in 1/Pa, the volume worn off over force and slip: gaps grow from cycle to cycle (`steps`).
         """
         law: dict[str, Any] = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
         law |= {"overlap": overlap, "stiffness": stiffness}
         numbers = {"adjust": adjust, "edge_angle": edge_angle, "search_distance": search_distance}
-        by_step = {"active": active, "friction_factors": friction_factors}
+        by_step = {"active": active, "friction_factors": friction_factors, "wear": wear}
         return self.add("contact", boundary=boundary, against=against, **law, **numbers, **by_step, **more)
 
     def tie(
@@ -335,9 +338,10 @@ class Model:
         the order of the mesh."""
         return self.add("equation", terms=terms, value=value, factors=factors, **more)
 
-    def steps(self, factors: Sequence[float]) -> Model:
-        """Make load steps: the factor of loads and prescribed displacements in each, in order."""
-        return self._say("steps", factors=factors)
+    def steps(self, factors: Sequence[float], *, cycles: int | None = None, jump: float | None = None) -> Model:
+        """Make load steps: the factor of loads and prescribed displacements in each, in order; and all of them again for each of the
+        `cycles`. Where contacts wear, cycles are left out over which at most the part `jump` of the wear moves elsewhere."""
+        return self._say("steps", factors=factors, cycles=cycles, jump=jump)
 
     def analysis(
         self,

@@ -98,6 +98,8 @@ class Contact:
         In m, after loading.
     slip : ndarray, (k, d − 1)
         Displacement against the other side, in m.
+    wear : ndarray, (k,)
+        The depth that wear has taken off, in m.
     state : ndarray of str, (k,)
         "separated", "stick", "slip", "contact" without a law of friction, or "tied".
     force, moment, centre : ndarray
@@ -128,6 +130,7 @@ class Contact:
     traction_vectors: Floats
     gap: Floats
     slip: Floats
+    wear: Floats
     state: NDArray[np.str_]
     force: Floats
     moment: Floats
@@ -185,6 +188,11 @@ class LoadStep:
     def factor(self) -> float:
         """The common load factor."""
         return float(self.report["factor"])
+
+    @property
+    def cycle(self) -> int:
+        """Its cycle, from 1, where load steps are repeated."""
+        return int(self.report.get("cycle", 1))
 
     @property
     def u(self) -> Floats:

@@ -582,9 +582,15 @@ impl Job<'_> {
         let made = analysis.solve_after(state, &mut engine, &self.settings, |event| {
             let mut goes_on = true;
             match event {
-                Event::Begins { number: n, factor } => {
-                    number = n;
-                    voice.tell(News::Begins(n, analysis.n_steps(), factor));
+                Event::Begins {
+                    number: n,
+                    cycle,
+                    factor,
+                } => {
+                    // Among those of all cycles, some of which may be left out.
+                    let n_steps = analysis.n_steps();
+                    number = (cycle - 1) * n_steps + (n - 1) % n_steps + 1;
+                    voice.tell(News::Begins(number, n_steps * analysis.n_cycles(), factor));
                 }
                 Event::Within(quasistatic::Event::Newton(step)) if voice.is_heard() => {
                     let mut row = serde_json::to_value(step).unwrap_or_default();

@@ -232,6 +232,9 @@ impl Solved {
             all.set_item("traction", flat(py, fields.traction))?;
             all.set_item("bound", flat(py, fields.bound))?;
             all.set_item("slip", flat(py, fields.slip))?;
+            let mut worn = fields.worn;
+            worn.resize(places.len(), 0.0);
+            all.set_item("wear", flat(py, worn))?;
             all.set_item("traction_vectors", table(py, &vectors)?)?;
             all.set_item("state", states)?;
             all.set_item("shown", flat(py, shown))?;
@@ -300,7 +303,7 @@ where
     for (step, made) in run.steps.iter().enumerate() {
         let (built, data) = match &made.displaced {
             Some((built, data)) => (Some(Arc::clone(built)), Some(data.clone())),
-            None => (None, analysis.step(step)?),
+            None => (None, analysis.step(step % analysis.n_steps())?),
         };
         results.add(&solve::Solved {
             number: step + 1,
@@ -351,7 +354,7 @@ where
     };
     guarded(py, || match &made.displaced {
         Some((built, data)) => Ok(follows(&built.elastic, data)),
-        None => elastic.step(step).map(|data| follows(elastic, &data)),
+        None => (elastic.step(step % elastic.n_steps())).map(|data| follows(elastic, &data)),
     })?
     .map_err(|error| crate::errors::of_solve(error.into()))
 }

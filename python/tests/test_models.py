@@ -298,6 +298,24 @@ def test_equations() -> None:
     np.testing.assert_allclose(solution.u[at[0], 1] + 2 * solution.u[at[1], 0], 1e-5, rtol=1e-6)
 
 
+def test_wear_over_cycles() -> None:
+    """A block under a pressure rubs to and fro on a floor: coefficient times force times slip."""
+    model = signorini.Model(signorini.rectangle([2, 1], [8, 4])).material(young=2e11, poisson=0.3)
+    model.support("top", x=1e-3, factors=[1, 0, -1, 0]).traction("top", pressure=1e6)
+    model.contact("bottom", obstacle=FLOOR, wear={"coefficient": 1e-14})
+    solution = model.steps([1, 1, 1, 1], cycles=200, jump=0.1).solve()
+    last = solution.steps[-1]
+    assert last.cycle == 200 and len(solution.steps) < 4 * 20
+    contact = last.contacts["bottom"]
+    volume = np.sum(contact.wear * contact.areas)
+    np.testing.assert_allclose(volume, 1e-14 * 2e6 * 200 * 4e-3, rtol=1e-2)
+    np.testing.assert_allclose(last.report["contacts"][0]["wear_volume"], volume)
+    np.testing.assert_allclose(contact.gap, 0, atol=1e-12)
+    assert not np.any(pressed(pressure=2e7).contacts["bottom"].wear)
+    with pytest.raises(signorini.ModelError, match="at least one cycle"):
+        model.steps([1, 1, 1, 1], cycles=0).build()
+
+
 def test_load_steps() -> None:
     model = block(friction={"coulomb": 0.3}).traction("top", pressure=2e7).support("right", x=1e-4, factors=[0, 1, -1])
     solution = model.steps([1, 1, 1]).solve()
@@ -430,7 +448,7 @@ WRONG_TABLES = [
     ("coupling", {"contacts": [], "point": [3, 0.5]}, "a list of contacts is empty"),
     ("equation", {"value": 1.0}, "equation: missing field `terms`"),
     ("equation", {"terms": []}, "an equation needs terms"),
-    ("equation", {"terms": [{"x": 1}]}, "needs one of nodes and point"),
+    ("equation", {"terms": [{"x": 1}]}, "needs one of boundary, nodes and point"),
     ("equation", {"terms": [{"point": [0, 0]}]}, "needs a finite factor other than 0"),
     ("equation", {"terms": [{"point": [0, 0], "x": 1}], "value": np.inf}, "the value of an equation must be finite"),
     ("wheel", {"radius": 1}, "wheel: unknown field"),

@@ -207,7 +207,7 @@ impl Run<'_> {
     where
         ElementKind: Draw<D>,
     {
-        let (log, n_steps) = (self.log, analysis.n_steps());
+        let (log, n_steps) = (self.log, [analysis.n_steps(), analysis.n_cycles()]);
         let mut settings = self.case.settings();
         settings.ssnm.interrupt = Some(Arc::clone(&INTERRUPTED));
         let limit = settings.ssnm.time_limit;

@@ -241,7 +241,10 @@ impl<const D: usize> Translation<'_, '_, D> {
             let line = self.said.steps[0].line;
             self.lines.push(("steps".to_owned(), line));
             let factors = vec![1.0; number];
-            self.definition.steps = Some(Steps { factors });
+            self.definition.steps = Some(Steps {
+                factors,
+                ..Steps::default()
+            });
         }
     }
 

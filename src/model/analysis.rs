@@ -51,6 +51,11 @@ where
         self.elastic.map_or(1, Elastic::n_steps)
     }
 
+    /// How often the load steps are made.
+    pub fn n_cycles(&self) -> usize {
+        self.elastic.map_or(1, |elastic| elastic.cycles().count)
+    }
+
     /// The load at the end of a step, counted from 0; None without bodies, where the load is that of the problem.
     ///
     /// # Errors

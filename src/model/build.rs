@@ -141,6 +141,16 @@ where
                  to a boundary",
             ));
         }
+        const ALONE: &str = "needs one process: it is not known on several ranks yet";
+        let pairs = &self.definition.pairs;
+        if let Some(i) = pairs.iter().position(|pair| pair.wear.is_some()) {
+            let entity = pairs[i].entity(i).at("wear");
+            return Err(entity.error(format!("wear {ALONE}")));
+        }
+        if self.definition.cycles().count > 1 {
+            let steps = Entity::all(EntityKind::Steps).at("cycles");
+            return Err(steps.error(format!("more than one cycle of load steps {ALONE}")));
+        }
         let start = Instant::now();
         let (mut elastic, _) = self.draft()?;
         elastic.assembly_seconds = start.elapsed().as_secs_f64();

@@ -50,6 +50,8 @@ where
     pub drives: Vec<Drive>,
     /// The stiffness of the contact itself, or of a spring; None where it is hard.
     pub stiffness: Option<String>,
+    /// The volume that wear takes off over force and slip, in 1/Pa.
+    pub wear: f64,
     /// The largest distance of candidates for contact; with an obstacle, the distance up to which Tresca's bound acts.
     pub search_distance: f64,
     /// The part of the master boundary that is opposite within the search distance, but is not met.
@@ -97,6 +99,7 @@ where
             tresca: false,
             tied: false,
             stiffness: None,
+            wear: 0.0,
             search_distance: 0.0,
             unmet: None,
             arcs: None,
@@ -384,6 +387,7 @@ where
             tresca: matches!(self.law, Law::Tresca(_)),
             tied: self.is_tie(),
             stiffness: self.stiffness.told(units),
+            wear: self.wear.map_or(0.0, |wear| wear.coefficient),
             search_distance,
             unmet,
             sagitta: off,

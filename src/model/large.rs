@@ -197,6 +197,17 @@ where
                 "ties that change need geometry = \"small\": where displacements are large they are not known yet",
             ));
         }
+        let small = "needs geometry = \"small\": where displacements are large it is not known yet";
+        if let Some(i) = self.pairs.iter().position(|pair| pair.wear.is_some()) {
+            return Err(self.pairs[i]
+                .entity(i)
+                .at("wear")
+                .error(format!("wear {small}")));
+        }
+        if self.cycles().count > 1 {
+            let steps = Entity::all(EntityKind::Steps).at("cycles");
+            return Err(steps.error(format!("more than one cycle of load steps {small}")));
+        }
         let small = |part: &(usize, &dyn Part)| SMALL.contains(&part.1.facts().kind);
         if let Some((number, part)) = self.parts().find(small) {
             let [.., several] = part.facts().kind.words();

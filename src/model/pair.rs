@@ -4,6 +4,7 @@ use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, not_a_switch, wi
 use super::error::EntityKind;
 use super::motion::Motion;
 use super::stated::{self, Flaw};
+use super::wear::Wear;
 use super::{Quantity, Units};
 use crate::contact::{Friction, Obstacle};
 use crate::elasticity::Field;
@@ -43,6 +44,7 @@ pub struct Pair<const D: usize = 2> {
     active: Option<Vec<f64>>,
     /// What the bound or the coefficient of its law is multiplied by in each load step.
     friction_factors: Option<Vec<f64>>,
+    pub(super) wear: Option<Wear>,
 }
 
 /// The other side of a boundary.
@@ -323,6 +325,13 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// It wears: slip under pressure takes off this volume over force and slip, in 1/Pa (Archard). Gaps grow from one cycle of load
+    /// steps to the next.
+    pub fn wear(mut self, coefficient: f64) -> Self {
+        self.wear = Some(Wear { coefficient });
+        self
+    }
+
     /// Whether it acts in a load step, counted from 0.
     pub(super) fn acts(&self, step: usize) -> bool {
         let stated = self.active.as_ref().and_then(|steps| steps.get(step));
@@ -365,6 +374,9 @@ impl<const D: usize> Pair<D> {
         }
         if let Some(steps) = &self.active {
             text += &format!(", active {steps:?}");
+        }
+        if let Some(Wear { coefficient }) = self.wear {
+            text += &format!(", wear {coefficient:e}");
         }
         text
     }
@@ -443,6 +455,15 @@ impl<const D: usize> Part for Pair<D> {
         }
         if let Some(fault) = self.fault_of_steps() {
             return Some(fault);
+        }
+        if let Some(fault) = self.wear.as_ref().and_then(Wear::fault) {
+            return Some(fault);
+        }
+        if self.wear.is_some() && self.is_tie() {
+            return Some(Flaw::of(
+                "wear",
+                "sides that are tied do not wear: leave out wear",
+            ));
         }
         let is_angle = |angle| (0.0..=180.0).contains(&angle);
         let is_stated = self.gap.is_some() || self.interference.is_some();

@@ -10,11 +10,11 @@ use crate::dual::{DualError, DualOperator as _};
 use crate::elasticity::assemble_rows;
 use crate::mesh::{ElementKind, Topology};
 use crate::model::share::{Common, Cut, Graph, Part, Received};
-use crate::model::{Draft, ModelError};
+use crate::model::{Cycles, Draft, ModelError};
 use crate::problem::{self, AnyProblem, ContactProblem, Elsewhere, LoadCase, System};
 use crate::quasistatic::{State, StepSettings};
 use crate::ranks::{Group, Ranks};
-use crate::solve::{self, Event, make_steps};
+use crate::solve::{self, Event, Plan, make_steps};
 use crate::sparse::BlockCsr;
 use crate::ssnm::RecycledSubspace;
 use crate::stiffness::pcg::Preconditioner;
@@ -430,8 +430,13 @@ where
         settings.ssnm.time_limit = None;
         settings.ssnm.interrupt = Some(Arc::default());
         let bodies = self.bodies.clone();
-        let steps = (0..self.n_steps())
-            .map(|step| Ok(bodies.as_ref().map(|bodies| bodies.received.step(step))));
+        let step = |step| Ok(bodies.as_ref().map(|bodies| bodies.received.step(step)));
+        let plan = Plan {
+            n_steps: self.n_steps(),
+            step: &step,
+            cycles: Cycles::ONCE,
+            wearing: None,
+        };
         let (group, mut is_apart) = (Arc::clone(&self.group), false);
         let watched = |event: Event<D>| {
             if let Event::Ends(solved) = &event {
@@ -447,7 +452,7 @@ where
         make_steps(
             problem,
             rest,
-            steps,
+            &plan,
             dual,
             &settings,
             &mut self.recycled,

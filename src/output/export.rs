@@ -26,6 +26,9 @@ pub enum ExportError {
     /// A load step could not be made.
     #[error(transparent)]
     Solve(#[from] solve::Error),
+    /// Contacts wear.
+    #[error("load steps in which contacts wear cannot be exported: leave out wear")]
+    Worn,
     /// A load step has not converged, and the next one starts from its end.
     #[error(
         "load step {step} has not converged, and later steps would start from it: the cases up to this one are written"
@@ -75,8 +78,8 @@ impl Files<'_> {
 /// origin of slip, so all but the last are solved. `log` is that of [`Engine::new`].
 ///
 /// # Errors
-/// If a file cannot be written, or would overwrite an input of the case; if a step fails or does not converge. Files written
-/// before stay.
+/// If a file cannot be written, or would overwrite an input of the case; if contacts wear; if a step fails or does not converge. Files
+/// written before stay.
 pub fn export<const D: usize>(
     directory: &Path,
     case: &Case,
@@ -89,6 +92,9 @@ where
 {
     let problem = analysis.problem;
     let n_steps = analysis.n_steps();
+    if (analysis.elastic).is_some_and(|elastic| elastic.wearing().is_some()) {
+        return Err(ExportError::Worn);
+    }
     super::files::refuse_inputs(directory, &case.inputs(), |name| {
         name.ends_with(".mtx") || name.ends_with(".toml")
     })?;

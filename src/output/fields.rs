@@ -7,6 +7,7 @@ use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, EntityKind, StepData};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
+use crate::sparse::add_times;
 use crate::ssnm::Sets;
 use std::collections::HashMap;
 
@@ -87,6 +88,8 @@ pub struct ContactFields<const D: usize = 2> {
     /// Displacement along the tangents relative to the other side, Tu, length (D − 1) m; for compliant contact including its
     /// elastic part before slip.
     pub slip: Vec<f64>,
+    /// The depth that wear has taken off, length m; empty where nothing wears.
+    pub worn: Vec<f64>,
     /// ν and the tangents of each node.
     frames: Vec<[[f64; D]; D]>,
     /// Whether a law of friction acts on the node.
@@ -113,6 +116,7 @@ where
         for (gap, before) in gap.iter_mut().zip(&data.load.gap) {
             *gap = before - *gap;
         }
+        add_times(1.0, &solution.worn, &mut gap[..solution.worn.len()]);
         for (slip, of_supports) in slip.iter_mut().zip(&data.load.slide) {
             *slip += of_supports;
         }
@@ -135,6 +139,7 @@ where
             traction: per_area(&pooled(tangential), &areas, -1.0),
             bound: per_area(&pooled(&bounds), &areas, 1.0),
             slip,
+            worn: solution.worn.clone(),
             frames: places.iter().map(|place| place.frame).collect(),
             has_friction: (0..m)
                 .map(|i| match changes {
@@ -190,7 +195,9 @@ where
     /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.
     pub(crate) fn csv(&self, elastic: &Elastic<D>) -> String {
         let place = |i: usize| elastic.contact.places[i].place;
-        let mut order: Vec<usize> = (0..self.gap.len()).filter(|&i| joins(elastic, i)).collect();
+        let mut order: Vec<usize> = (0..self.gap.len())
+            .filter(|&i| kind(elastic, i) != EntityKind::Support)
+            .collect();
         order.sort_by(|&a, &b| {
             let pairs = elastic.pair_of[a].cmp(&elastic.pair_of[b]);
             let places = place(a).into_iter().zip(place(b));
@@ -215,12 +222,15 @@ where
                     .map(|(p, t)| format!(",{:e}", p + t))
                     .collect(),
             };
-            let rest = match elastic.is_large() {
+            let mut rest = match elastic.is_large() {
                 false => String::new(),
                 true => (elastic.contact.places[i].mean(|node| elastic.mesh.nodes[node as usize]))
                     .map(|x| format!(",{x:e}"))
                     .concat(),
             };
+            if let Some(depth) = self.worn.get(i) {
+                rest += &format!(",{depth:e}");
+            }
             put(
                 &mut text,
                 format_args!(
@@ -244,13 +254,16 @@ where
         };
         let (length, stress) = (told(&elastic.units.length), told(&elastic.units.stress()));
         // With large displacements, x and y are the displaced position of a place.
-        let rest: String = match elastic.is_large() {
+        let mut rest: String = match elastic.is_large() {
             false => String::new(),
             true => ["x", "y", "z"][..D]
                 .iter()
                 .map(|axis| format!(",rest_{axis}{length}"))
                 .collect(),
         };
+        if !self.worn.is_empty() {
+            rest += &format!(",wear{length}");
+        }
         match D {
             2 => format!(
                 "x{length},y{length},gap{length},normal_pressure{stress},tangential_traction{stress},slip{length},\
@@ -265,13 +278,12 @@ where
     }
 }
 
-/// Whether a row joins bodies with each other, or with the ground: those of equations and supports have no stresses.
-fn joins<const D: usize>(elastic: &Elastic<D>, row: usize) -> bool
+/// What a row belongs to.
+fn kind<const D: usize>(elastic: &Elastic<D>, row: usize) -> EntityKind
 where
     ElementKind: Topology<D>,
 {
-    let kind = elastic.pairs[elastic.pair_of[row] as usize].kind;
-    !matches!(kind, EntityKind::Support | EntityKind::Equation)
+    elastic.pairs[elastic.pair_of[row] as usize].kind
 }
 
 /// The contact place that each node shows: its own, or on a partly covered facet the one with the largest share in the
@@ -288,7 +300,8 @@ where
     for (i, place) in elastic.contact.places.iter().enumerate() {
         let is_shown = match pair {
             Some(pair) => elastic.pair_of[i] as usize == pair,
-            None => joins(elastic, i),
+            // Equations and supports have no stresses.
+            None => !matches!(kind(elastic, i), EntityKind::Support | EntityKind::Equation),
         };
         if !is_shown {
             continue;

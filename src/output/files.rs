@@ -275,11 +275,23 @@ pub(crate) fn write_index(
     steps: &[StepReport],
     ending: &str,
 ) -> Result<PathBuf, OutputError> {
-    let factors: Vec<f64> = steps.iter().map(|step| step.factor).collect();
-    write(directory, "solution.pvd", index(&factors, ending))
+    // Of several cycles, the number of each and its part.
+    let in_cycle = |number: usize| {
+        let cycle = steps[number].cycle?;
+        let all = steps
+            .iter()
+            .filter(|step| step.cycle == Some(cycle))
+            .count();
+        let before = steps[..number].iter().rev();
+        let place = before.take_while(|step| step.cycle == Some(cycle)).count() + 1;
+        Some((cycle - 1) as f64 + place as f64 / all as f64)
+    };
+    let time = |number: usize| in_cycle(number).unwrap_or(steps[number].factor);
+    let times: Vec<f64> = (0..steps.len()).map(time).collect();
+    write(directory, "solution.pvd", index(&times, ending))
 }
 
-/// The text of `solution.pvd` for steps with these load factors.
+/// The text of `solution.pvd` for steps with these load factors, or times.
 fn index(factors: &[f64], ending: &str) -> String {
     let increase = factors.is_sorted_by(|a, b| a < b);
     let mut text =

@@ -60,10 +60,16 @@ where
         };
         let step = report.steps.len();
         // Behind the names of files, and behind titles.
-        let (suffix, of_step) = if of.elastic.n_steps() > 1 {
-            (format!("-{step:03}"), format!(", load step {step}"))
-        } else {
-            Default::default()
+        let cycles = results.analysis.n_cycles() > 1;
+        let suffix = match of.elastic.n_steps() > 1 || cycles {
+            true => format!("-{step:03}"),
+            false => String::new(),
+        };
+        let within = (step - 1) % of.elastic.n_steps() + 1;
+        let of_step = match (suffix.is_empty(), cycles) {
+            (true, _) => String::new(),
+            (_, false) => format!(", load step {step}"),
+            (_, true) => format!(", cycle {}, load step {within}", results.solution.cycle),
         };
         let bodies = Bodies::new(step, of.elastic, &of.fields, &of.contact);
         let pairs = &of.elastic.pairs;
@@ -127,9 +133,10 @@ impl Draw<3> for ElementKind {
     }
 }
 
-/// The pictures of the whole: the convergence, and the contact forces where there are several steps.
+/// The pictures of the whole: the convergence, the contact forces where there are several steps, and wear over the cycles.
 pub fn pictures(report: &Report) -> Vec<Picture> {
     let mut charts = vec![("convergence", curves::convergence(report))];
+    charts.extend(curves::wear(report).map(|chart| ("wear", chart)));
     if report.steps.len() > 1 && report.steps.iter().any(|s| !s.contacts.is_empty()) {
         charts.insert(0, ("steps", curves::steps(report)));
     }

@@ -70,6 +70,12 @@ pub struct ContactReport {
     /// not determine it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub motion: Vec<Option<f64>>,
+    /// The largest depth that wear has taken off, of both sides together, in the unit of length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wear_depth: Option<f64>,
+    /// The volume that wear has taken off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wear_volume: Option<f64>,
     /// Pools of places with a pressure near the largest: above 0.7 of it.
     #[serde(skip)]
     pub peaks: usize,
@@ -230,6 +236,15 @@ where
     if D == 3 {
         for (contact, friction) in contacts.iter_mut().zip(friction) {
             contact.tangential_force = length(friction);
+        }
+    }
+    for (i, depth) in solution.worn.iter().enumerate() {
+        let pair = elastic.pair_of[i] as usize;
+        if elastic.pairs[pair].wear > 0.0 {
+            let contact = &mut contacts[pair];
+            *contact.wear_volume.get_or_insert_default() += elastic.contact.places[i].area * depth;
+            let most = contact.wear_depth.get_or_insert_default();
+            *most = most.max(*depth);
         }
     }
     for driven in &of.data.driven {

@@ -85,6 +85,9 @@ pub struct NotHeldReport {
 /// A load step in the report.
 #[derive(Clone, Debug, Serialize)]
 pub struct StepReport {
+    /// Its cycle, from 1, where load steps are repeated; cycles between those that are listed were left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cycle: Option<usize>,
     /// The common load factor.
     pub factor: f64,
     /// Its end.
@@ -180,6 +183,9 @@ pub struct Report {
     pub kkt: Kkt,
     /// The load steps made.
     pub steps: Vec<StepReport>,
+    /// How often the load steps are made.
+    #[serde(skip)]
+    pub cycles: usize,
     /// The times of the phases.
     pub timings: Timings,
     /// The largest resident size of the process, where the system reports it; of several processes the largest.
@@ -238,6 +244,7 @@ impl Report {
                 .map(|&(kind, count)| (kind.name(), count))
                 .collect(),
             order: kinds.iter().map(|(kind, _)| kind.order()).max(),
+            cycles: elastic.map_or(1, |elastic| elastic.cycles().count),
             n: problem.n_free(),
             m: problem.m(),
             iter: 0,
@@ -344,6 +351,7 @@ impl Report {
         self.kkt = solution.kkt;
         self.add_rounds(&solution.rounds);
         self.steps.push(StepReport {
+            cycle: (self.cycles > 1).then_some(solution.cycle),
             factor: load.as_ref().map_or(1.0, |load| load.0),
             status: solution.status,
             rounds: solution.rounds.len(),

@@ -196,11 +196,15 @@ where
         let start = Instant::now();
         let results = StepResults::new(self.analysis, solved);
         self.report.add_step(&results);
-        let several = self.analysis.n_steps() > 1;
+        let n_cycles = self.analysis.n_cycles();
+        let several = self.analysis.n_steps() * n_cycles > 1;
         let suffix = match several {
             true => format!("-{:03}", solved.number),
             false => String::new(),
         };
+        // Of cycles, the first and the last are drawn.
+        #[cfg(feature = "plots")]
+        let is_drawn = [1, n_cycles].contains(&solved.solution.cycle);
         let (directory, report) = (&self.directory, &self.report);
         let write = || match &results.of_bodies {
             Some(of) => write_fields(directory, of, &suffix),
@@ -208,13 +212,13 @@ where
         };
         #[cfg(feature = "plots")]
         let written = match &mut self.pictures {
-            None => write(),
-            Some(all) => {
+            Some(all) if is_drawn => {
                 let draw = || <ElementKind as Draw<D>>::step_pictures(report, &results);
                 let (written, drawn) = rayon::join(write, draw);
                 all.extend(drawn);
                 written
             }
+            _ => write(),
         };
         #[cfg(not(feature = "plots"))]
         let written = write();

@@ -198,6 +198,9 @@ where
             at_nodes.vectors("tangential_traction", &tangential);
             at_nodes.vectors("contact_traction", &whole);
         }
+        if !contact.worn.is_empty() {
+            at_nodes.scalars("wear", &scattered(&contact.worn));
+        }
         at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
     };
     let in_cells = |in_elements: &mut Arrays| {

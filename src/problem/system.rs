@@ -221,6 +221,13 @@ impl<const D: usize> System<D> {
         self.contact_compliance = compliance;
     }
 
+    /// Adds to the compliance of normal contact. What rows are scaled by stays.
+    pub(super) fn add_compliance(&mut self, more: &[f64]) {
+        let rows = D * self.normal.n_rows();
+        self.contact_compliance.resize(rows, 0.0);
+        (self.contact_compliance.iter_mut().zip(more)).for_each(|(c, more)| *c += more);
+    }
+
     /// The largest |u| of the body of each unknown, where K defines the connected bodies: rounding moves the unknown by a part of
     /// that. An unconnected unknown has its own.
     pub(crate) fn body_sizes(&self, u: &[f64]) -> Vec<f64> {

@@ -36,6 +36,9 @@ pub(super) struct Surrogate {
     largest: f64,
 }
 
+/// Pairs that are kept for another C, the latest: making them anew takes as long as the square of their number.
+const KEPT: usize = 40;
+
 impl Surrogate {
     /// Pairs.
     pub fn len(&self) -> usize {
@@ -47,14 +50,39 @@ impl Surrogate {
         self.directions.iter().all(|d| d.len() == len)
     }
 
-    /// Sets c for the first step, before any product, the number of pairs to keep, and C, which pairs of another solve must
-    /// share.
+    /// Sets c for the first step, before any product, the number of pairs to keep, and C. Pairs of a solve with another C get the
+    /// images that they have with this one.
     pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
         self.most = most;
-        self.compliance = compliance.to_vec();
         if self.len() == 0 {
             self.base = base;
         }
+        let before = std::mem::replace(&mut self.compliance, compliance.to_vec());
+        if self.len() == 0 || before == compliance {
+            return;
+        }
+        let (directions, images) = (
+            std::mem::take(&mut self.directions),
+            std::mem::take(&mut self.images),
+        );
+        let errors = std::mem::take(&mut self.errors);
+        *self = Self {
+            base: self.base,
+            most,
+            compliance: compliance.to_vec(),
+            ..Self::default()
+        };
+        let of = |c: &[f64], i: usize| c.get(i).copied().unwrap_or(0.0);
+        let pairs = directions.into_iter().zip(images).zip(errors);
+        let old = pairs.len().saturating_sub(KEPT);
+        for ((direction, mut image), error) in pairs.skip(old) {
+            for (i, (w, v)) in image.iter_mut().zip(&direction).enumerate() {
+                *w += (of(compliance, i) - of(&before, i)) * v;
+            }
+            let size = dot(&direction, &image).sqrt();
+            self.enter(&direction, &image, error / size, 0.0);
+        }
+        self.settle();
     }
 
     /// c.
@@ -127,14 +155,24 @@ impl Surrogate {
             return true;
         }
         let before = self.len();
+        self.enter(direction, image, error, flat);
+        self.settle();
+        error == 0.0 || self.len() > before
+    }
+
+    /// Adds a pair without what follows from all of them.
+    fn enter(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
         while let Some(worst) = self.extend(direction, image, error, flat) {
             self.remove(worst);
         }
+    }
+
+    /// Finds what follows from all pairs.
+    fn settle(&mut self) {
         if !self.compliance.is_empty() {
             self.weigh();
         }
         self.find_largest();
-        error == 0.0 || self.len() > before
     }
 
     /// Adds a pair unless too little of it is new; returns the known pair whose error is in the way.
@@ -305,6 +343,26 @@ mod tests {
         }
         // From below, as the large eigenvector was not among the directions.
         assert!(surrogate.largest() > 3.0 && surrogate.largest() < 8.0);
+    }
+
+    /// Pairs of A + C are those of A with another C.
+    #[test]
+    fn pairs_are_kept_under_another_compliance() {
+        let (len, given) = (40, [0.3, 2.0, 0.0]);
+        let c = |factor: f64| -> Vec<f64> { (0..len).map(|i| factor * given[i % 3]).collect() };
+        let (mut surrogate, directions) = filled(len, 12);
+        for compliance in [c(1.0), c(4.0), Vec::new(), c(0.5)] {
+            surrogate.prepare(2.0, MOST, &compliance);
+            assert_eq!(surrogate.len(), 12);
+            for v in &directions {
+                let given_way = |i: usize| compliance.get(i).copied().unwrap_or(0.0) * v[i];
+                let expected = times_a(v).into_iter().enumerate();
+                for (found, (i, expected)) in surrogate.times(v).iter().zip(expected) {
+                    let expected = expected + given_way(i);
+                    assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+                }
+            }
+        }
     }
 
     #[test]

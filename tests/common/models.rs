@@ -52,7 +52,7 @@ where
         assert_eq!(status, Status::Converged, "step {}: {kkt:?}", number + 1);
     }
     let solution = steps.pop().expect("there is a step");
-    let data = (built.step(steps.len())).or_panic();
+    let data = built.step(steps.len() % built.n_steps()).or_panic();
     Answer {
         built,
         data,
@@ -138,7 +138,12 @@ where
     pub fn reports(&self) -> Vec<StepReport> {
         let steps = self.before.iter().chain([&self.solution]).enumerate();
         steps
-            .map(|(step, solution)| self.report_on(&self.built.step(step).or_panic(), solution))
+            .map(|(step, solution)| {
+                self.report_on(
+                    &self.built.step(step % self.built.n_steps()).or_panic(),
+                    solution,
+                )
+            })
             .collect()
     }
 

@@ -5,12 +5,13 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 16] = [
+const TEMPLATES: [&str; 17] = [
     "stack",
     "press",
     "cylinder",
     "shear",
     "dovetail",
+    "fretting",
     "roller",
     "collar",
     "bracket-3d",

@@ -53,3 +53,4 @@ mod thermal;
 mod ties;
 mod updated;
 mod validation;
+mod wear;

@@ -265,7 +265,7 @@ impl Run<'_> {
     where
         ElementKind: Space<D>,
     {
-        let (log, n_steps) = (self.log, share.n_steps());
+        let (log, n_steps) = (self.log, [share.n_steps(), 1]);
         let mut settings = self.case.settings();
         let limit = settings.ssnm.time_limit;
         settings.ssnm.time_limit = limit.map(|limit| limit.saturating_sub(self.start.elapsed()));

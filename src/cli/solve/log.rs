@@ -118,7 +118,7 @@ impl Log {
     /// Reports load steps as they are made, and passes on finished ones; they continue until that fails.
     pub fn observer<const D: usize, E>(
         self,
-        n_steps: usize,
+        [n_steps, n_cycles]: [usize; 2],
         tolerance: f64,
         written: &mut Result<(), E>,
         mut add: impl FnMut(&Solved<D>) -> Result<(), E>,
@@ -129,10 +129,23 @@ impl Log {
         let mut outer = Vec::new();
         move |event| {
             match event {
-                Event::Begins { number, factor } if n_steps > 1 => {
-                    self.tell(&format!("load step {number} of {n_steps}, factor {factor}"));
+                Event::Begins {
+                    number,
+                    cycle,
+                    factor,
+                } if n_steps * n_cycles > 1 => {
+                    let step = (number - 1) % n_steps + 1;
+                    let of = match n_cycles {
+                        1 => String::new(),
+                        _ => format!("cycle {cycle} of {n_cycles}, "),
+                    };
+                    self.tell(&format!(
+                        "{of}load step {step} of {n_steps}, factor {factor}"
+                    ));
                 }
                 Event::Begins { .. } => {}
+                // A cycle whose steps have a line each.
+                Event::Within(_) if n_cycles > 1 => {}
                 Event::Within(quasistatic::Event::Newton(step)) => {
                     self.step(step);
                     outer.push(*step);

@@ -5,6 +5,9 @@ use signorini::output::{ContactReport, Report, StepReport};
 use signorini::ssnm::{SetSizes, Status};
 use std::path::PathBuf;
 
+/// More files are not listed one by one.
+const MANY: usize = 30;
+
 /// The whole summary.
 pub fn text(report: &Report, files: &[PathBuf]) -> String {
     let mut lines = vec![describe(report.status).to_owned()];
@@ -35,7 +38,24 @@ pub fn text(report: &Report, files: &[PathBuf]) -> String {
     ));
     lines.extend(last.iter().flat_map(|step| forces(report, step)));
     lines.extend(report.hints.iter().map(|hint| format!("  hint: {hint}")));
-    lines.extend(files.iter().map(|file| format!("  {}", file.display())));
+    // Of many load steps not each file.
+    let is_of_step = |file: &&PathBuf| {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        files.len() > MANY
+            && name
+                .rsplit_once('-')
+                .is_some_and(|(_, number)| number.parse::<u32>().is_ok())
+    };
+    let of_steps = files.iter().filter(is_of_step).count();
+    lines.extend(
+        files
+            .iter()
+            .filter(|file| !is_of_step(file))
+            .map(|file| format!("  {}", file.display())),
+    );
+    if of_steps > 0 {
+        lines.push(format!("  and {of_steps} files of load steps beside them"));
+    }
     lines.join("\n") + "\n"
 }
 
@@ -196,8 +216,14 @@ fn forces<'a>(report: &'a Report, step: &'a StepReport) -> impl Iterator<Item = 
         } else {
             String::new()
         };
+        let worn = match (contact.wear_depth, contact.wear_volume) {
+            (Some(depth), Some(volume)) => {
+                format!(", wear up to {depth:.4e}{length}, volume {volume:.4e}")
+            }
+            _ => String::new(),
+        };
         format!(
-            "  contact {}: force on the first ({}){unit}{}, pressure up to {:.4e}{stress}{work}",
+            "  contact {}: force on the first ({}){unit}{}, pressure up to {:.4e}{stress}{work}{worn}",
             contact.title(),
             listed(&contact.force),
             moment(&contact.moment, &contact.centre, &contact.force),

@@ -6,7 +6,7 @@ use super::legend::{State, state};
 use crate::mesh::edge_parts;
 use crate::mesh::vector::{bounds, length, minus};
 use crate::model::Elastic;
-use crate::output::{ContactFields, ContactReport, Report};
+use crate::output::{ContactFields, ContactReport, Report, StepReport};
 use std::collections::{HashMap, HashSet};
 
 /// The fields along a line of a contact.
@@ -231,9 +231,50 @@ pub(super) fn convergence(report: &Report) -> Chart {
     }
 }
 
+const COLOURS: [&str; 4] = [colour::BLUE, colour::ORANGE, colour::GREEN, colour::PURPLE];
+
+/// The largest depth that wear has taken off each contact over the cycles; None of a run without cycles or wear.
+pub(super) fn wear(report: &Report) -> Option<Chart> {
+    let last = report.steps.last().filter(|step| step.cycle.is_some())?;
+    let worn = |contact: &&ContactReport| contact.wear_depth.is_some();
+    let contacts: Vec<&ContactReport> = last.contacts.iter().filter(worn).collect();
+    let depth = |name: String| {
+        let of_step = move |step: &StepReport| {
+            let contact = step.contacts.iter().find(|contact| contact.title() == name);
+            (
+                step.cycle.unwrap_or(1) as f64,
+                contact
+                    .and_then(|contact| contact.wear_depth)
+                    .unwrap_or(0.0),
+            )
+        };
+        // The end of each cycle.
+        let mut points: Vec<(f64, f64)> = report.steps.iter().map(of_step).collect();
+        points.reverse();
+        points.dedup_by_key(|point| point.0);
+        points.reverse();
+        points
+    };
+    let series = contacts.iter().zip(COLOURS).map(|(contact, colour)| {
+        Series::new(
+            &contact.title(),
+            colour,
+            Mark::LineAndDots,
+            depth(contact.title()),
+        )
+    });
+    (!contacts.is_empty()).then(|| Chart {
+        title: "Wear over the cycles".to_owned(),
+        x: Axis::new("cycle", ""),
+        y: Axis::new("largest depth", &report.units.length),
+        series: series.collect(),
+        zones: Vec::new(),
+        rules: Vec::new(),
+    })
+}
+
 /// The forces of the contacts over the load steps.
 pub(super) fn steps(report: &Report) -> Chart {
-    const COLOURS: [&str; 4] = [colour::BLUE, colour::ORANGE, colour::GREEN, colour::PURPLE];
     let contacts = report.steps.first().map_or(0, |step| step.contacts.len());
     let mut series = Vec::new();
     for c in 0..contacts.min(COLOURS.len()) {

@@ -205,8 +205,9 @@ fn steps(out: &mut String, report: &Report) {
     ];
     let rows = report.steps.iter().enumerate().map(|(i, s)| {
         let sets = [s.sets.separated, s.sets.stick, s.sets.slip.total()];
+        let of_cycle = (s.cycle).map_or(String::new(), |cycle| format!(" (cycle {cycle})"));
         ([
-            (i + 1).to_string(),
+            format!("{}{of_cycle}", i + 1),
             s.factor.to_string(),
             s.rounds.to_string(),
         ]
