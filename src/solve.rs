@@ -117,7 +117,7 @@ where
         self.solve_after(State::at_rest(self.problem), engine, settings, observer)
     }
 
-    /// The same from where an earlier solve has ended ([`StepSolution::state`]): friction acts on the slip since then.
+    /// The same from where an earlier solve has ended ([`StepSolution::state`]): friction acts on the slip since then. Wear begins anew.
     ///
     /// # Errors
     /// As [`Analysis::solve_on`], and if the state is that of a problem of another size.

@@ -6,7 +6,7 @@ use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{end_of, outer_facets};
 use super::pair::{Against, Law};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
-use super::{Definition, Drive, Equal, Pair, Units};
+use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Met, Obstacle, PairOptions, Space, Unmet,
     equal_nodes, mortar_contact, node_contact, obstacle_contact,
@@ -756,7 +756,12 @@ where
             let states = (self.supports.iter())
                 .map(|support| u64::from(support.acts(step)) + 2 * u64::from(support.locks(step)));
             let acting = (self.pairs.iter()).map(|pair| u64::from(pair.acts(step)));
-            let key = factors.chain(states).chain(acting);
+            // What is locked depends on the step before.
+            let locks = self.supports.iter().any(|support| support.locks(step));
+            let key = factors
+                .chain(states)
+                .chain(acting)
+                .chain(locks.then_some(step as u64));
             if !seen.insert(key.collect::<Vec<u64>>()) {
                 continue;
             }
@@ -768,10 +773,23 @@ where
                     &later
                 }
             };
-            let driven: HashMap<usize, Option<f64>> =
-                (self.driven(pairs, pair_of, end_of(step)).iter())
-                    .map(|driven| (driven.row, driven.motion))
-                    .collect();
+            let driven = self.driven(pairs, pair_of, end_of(step));
+            // One that is locked has the motion that supports have prescribed before.
+            let before = match step.checked_sub(1).filter(|_| locks) {
+                Some(before) => {
+                    let before = self.unknowns(mesh, prescriptions, end_of(before))?;
+                    contact.held_motion(&before).0
+                }
+                None => Vec::new(),
+            };
+            let motion = |driven: &Driven| match before.get(driven.row) {
+                Some(before) if driven.locked => Some(*before),
+                _ => driven.motion,
+            };
+            let driven: HashMap<usize, Option<f64>> = driven
+                .iter()
+                .map(|driven| (driven.row, motion(driven)))
+                .collect();
             let stated = |row: usize| driven.get(&row).copied().unwrap_or(Some(0.0));
             let acts = |candidate: usize| {
                 let pair = self.pairs.get(of_candidates[candidate] as usize);

@@ -264,6 +264,8 @@ where
     // Their loads.
     let mut kept: Vec<Option<StepData<D>>> = Vec::new();
     let mut number = 0;
+    // The work in cycles that do not count.
+    let mut vain: Vec<Info> = Vec::new();
     loop {
         // Its steps are told when it is known that it counts.
         let on_trial = jump > 1;
@@ -293,6 +295,7 @@ where
                     solution
                 }
             };
+            solution.count(std::mem::take(&mut vain));
             solution.worn.clone_from(&depths);
             solution.cycle = cycle;
             let status = solution.status;
@@ -324,6 +327,8 @@ where
         };
         let is_too_long = on_trial && change > 2.0 * most && end != Status::Interrupted;
         if let (true, Some(last)) = (is_too_long, &last) {
+            let rounds = made.into_iter().flat_map(|solution| solution.rounds);
+            vain = rounds.map(|round| round.info).collect();
             jump = about(jump as f64 * (most / change).max(0.1));
             course.state.clone_from(&last.state);
             if course.idle != last.idle {

@@ -374,3 +374,27 @@ fn a_support_that_changes_holds_along_slanted_directions() {
         assert!(apart(&forces[0], &forces[1]) < 1e-7 * 1e6, "{forces:?}");
     }
 }
+
+/// A lock against a support that moves the same nodes on is refused; against one that stays, it is not.
+#[test]
+fn a_lock_that_another_support_breaks_is_refused() {
+    let model = |factors: [f64; 3]| {
+        Model::on(mesh())
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on("left").fixed())
+            .support(Support::on("right").x(1e-4).factors(factors))
+            .support(
+                Support::on("right")
+                    .x(0.0)
+                    .active([0.0, 0.0, 1.0])
+                    .locked_in([0.0, 0.0, 1.0]),
+            )
+            .steps([1.0; 3])
+    };
+    let text = model([1.0, 2.0, 3.0])
+        .build()
+        .expect_err("it moves on")
+        .to_string();
+    assert!(text.contains("load step 3"), "{text}");
+    answer(model([1.0, 3.0, 3.0]), 1e-10, Stiffness::Cholesky);
+}
