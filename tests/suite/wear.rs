@@ -212,7 +212,7 @@ fn wear_that_is_not_understood_is_refused() {
             .steps([1.0, 1.0])
     };
     for (model, text) in [
-        (model(-1.0), "wear: the coefficient of wear must be finite"),
+        (model(-1.0), "the coefficient of wear must be finite"),
         (model(1e-9).cycles(0, 0.1), "there is at least one cycle"),
         (model(1e-9).cycles(2, 1.0), "less than 1"),
         (
