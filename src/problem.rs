@@ -490,7 +490,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
         let m = self.m();
         let node = row.checked_sub(m).map_or(row, |row| row / (D - 1));
-        self.case.gap[node] >= UNREACHABLE
+        self.case.gap[node] >= 0.5 * UNREACHABLE
     }
 
     /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.

@@ -222,9 +222,9 @@ class Model:
         obstacle : dict; optional
             Instead of `against`, such as ``{"half_plane": {"point": [0, 0], "normal": [0, 1]}}``.
         friction : dict; optional
-            ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each.
+            ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each, infinite where it never slips.
         gap, interference : quantity; optional
-            In m, instead of the distance of the meshes.
+            In m, instead of the distance of the meshes. A gap is infinite where there is no obstacle.
         overlap : {"interference"}; optional
             An overlap of the meshes is intended and pressed apart.
         stiffness : dict; optional

@@ -14,6 +14,7 @@ use crate::contact::{
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
+use crate::problem::UNREACHABLE;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::collections::{HashMap, HashSet};
@@ -317,7 +318,13 @@ where
             }
             _ => None,
         };
-        let gap = |x| of_arcs.unwrap_or_else(|| self.gap.as_ref().map_or(0.0, |gap| gap.at(x)));
+        let gap = |x| {
+            of_arcs.unwrap_or_else(|| {
+                self.gap
+                    .as_ref()
+                    .map_or(0.0, |gap| gap.at_most(x, UNREACHABLE))
+            })
+        };
         let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
         let [normal, tangential] = [0, 1].map(|way: usize| {
             let stiffness = self.stiffness.both()[way];

@@ -9,6 +9,7 @@ use super::{Quantity, Units};
 use crate::contact::{Friction, Obstacle};
 use crate::elasticity::Field;
 use crate::mesh::vector::length;
+use crate::problem::{LARGEST, UNREACHABLE};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// A contact of boundaries with others, or with a rigid obstacle; without friction if no law is stated.
@@ -28,6 +29,7 @@ pub struct Pair<const D: usize = 2> {
     obstacle: Option<Obstacle<D>>,
     #[serde(default, rename = "friction", skip_serializing_if = "Law::is_unstated")]
     pub(super) law: Law<D>,
+    #[serde(default, deserialize_with = "stated::gap")]
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
     pub(super) overlap: Option<Overlap>,
@@ -60,8 +62,8 @@ pub(super) enum Against<'p, const D: usize> {
 pub(super) enum Law<const D: usize> {
     #[default]
     None,
-    Tresca(Quantity<D>),
-    Coulomb(Quantity<D>),
+    Tresca(#[serde(deserialize_with = "Quantity::or_infinite")] Quantity<D>),
+    Coulomb(#[serde(deserialize_with = "Quantity::or_infinite")] Quantity<D>),
     #[serde(skip)]
     Tied,
 }
@@ -91,7 +93,8 @@ impl<const D: usize> Law<D> {
     pub(super) fn at(&self, x: [f64; D]) -> f64 {
         match self {
             Self::None | Self::Tied => 0.0,
-            Self::Tresca(value) | Self::Coulomb(value) => value.at(x),
+            Self::Tresca(value) => value.at_most(x, UNREACHABLE),
+            Self::Coulomb(value) => value.at_most(x, LARGEST),
         }
     }
 

@@ -89,6 +89,14 @@ impl<const D: usize> Quantity<D> {
             Form::Nodes(_) => f64::NAN,
         }
     }
+
+    /// The value at a point, where ∞ and values beyond `most` mean that.
+    pub(super) fn at_most(&self, x: [f64; D], most: f64) -> f64 {
+        match self.at(x) {
+            value if value > most => most,
+            value => value,
+        }
+    }
 }
 
 /// A number as text, with a point or an exponent, that reads back as the same number.
@@ -121,13 +129,20 @@ enum Spelling {
 /// A number, an expression of the coordinates such as `"-2e7 * (1 - x / 1.5)"`, or a list with a value for each node.
 impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
     fn deserialize<S: Deserializer<'de>>(from: S) -> Result<Self, S::Error> {
+        Self::read(from, f64::is_finite)
+    }
+}
+
+impl<const D: usize> Quantity<D> {
+    /// The quantity with numbers that `fits` allows.
+    fn read<'de, S: Deserializer<'de>>(from: S, fits: fn(f64) -> bool) -> Result<Self, S::Error> {
         match Spelling::deserialize(from)? {
-            Spelling::Number(value) if value.is_finite() => Ok(value.into()),
+            Spelling::Number(value) if fits(value) => Ok(value.into()),
             Spelling::Number(value) => {
                 Err(S::Error::custom(format!("{value} is not a finite number")))
             }
             Spelling::Expression(text) => Self::parse(&text).map_err(meaningless),
-            Spelling::Nodes(values) => match values.iter().position(|v| !v.is_finite()) {
+            Spelling::Nodes(values) => match values.iter().position(|&v| !fits(v)) {
                 None => Ok(Self::at_nodes(values)),
                 Some(i) => Err(S::Error::custom(format!(
                     "value {i} of the list (counted from 0) is {}, which is not a finite number",
@@ -135,6 +150,11 @@ impl<'de, const D: usize> Deserialize<'de> for Quantity<D> {
                 ))),
             },
         }
+    }
+
+    /// The quantity, where ∞ has a meaning: no obstacle in the way of a gap, no slip under a bound or a coefficient.
+    pub(super) fn or_infinite<'de, S: Deserializer<'de>>(from: S) -> Result<Self, S::Error> {
+        Self::read(from, |v| v > f64::NEG_INFINITY)
     }
 }
 

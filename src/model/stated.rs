@@ -110,6 +110,13 @@ pub(super) fn of_space<'de, S: Deserializer<'de>, const D: usize>(
     only(D == 3, beyond, from)
 }
 
+/// A gap, which is infinite where there is no obstacle.
+pub(super) fn gap<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<Quantity<D>>, S::Error> {
+    Quantity::or_infinite(from).map(Some)
+}
+
 pub(super) fn axial<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<Quantity<D>>, S::Error> {

@@ -2,12 +2,14 @@
 
 use crate::common::or_panic::OrPanic as _;
 use signorini::case::Case;
+use signorini::contact::Obstacle;
 use signorini::mesh::{AnyMesh, Mesh, msh, read};
-use signorini::model::{AnyBuilt, Built, Force, Model, Support, Traction};
+use signorini::model::{AnyBuilt, Built, Force, Model, Pair, Support, Traction};
+use signorini::ssnm::Status;
 use signorini::{
     case::CaseProblem,
     elasticity::{Material, Plane},
-    mesh::structured::{CellShape, SolidShape, block, rectangle},
+    mesh::structured::{CellShape, SolidShape, block, join, rectangle},
 };
 
 /// A strip of plane stress, one cell high, with its ends as sets of nodes.
@@ -198,4 +200,63 @@ fn faults_of_sets_are_reported() {
     assert!(
         both.is_err_and(|text| { text.contains("symmetry takes a boundary and nothing else") })
     );
+}
+
+/// No obstacle in the way of a gap of ∞, and no slip under a bound or a coefficient of ∞, node by node and in the mean over places.
+#[test]
+fn infinity_is_a_gap_and_a_bound() {
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; 2],
+        normal: [0.0, 1.0],
+    };
+    let squeezed = |contact: Pair| {
+        let blocks = rectangle([0.0; 2], [2.0, 1.0], [8, 4], CellShape::Quad, "up", "up-");
+        let bed = rectangle(
+            [-1.0, -1.0],
+            [4.0, 1.0],
+            [11, 3],
+            CellShape::Quad,
+            "bed",
+            "bed-",
+        );
+        let model = Model::on(join(blocks, bed))
+            .material(Material::new(100.0, 0.3))
+            .support(Support::on("up-top").x(0.01).y(-0.02))
+            .support(Support::on("bed-bottom").fixed())
+            .contact(contact);
+        let built = model.build().or_panic();
+        let solution = built.solve(&Default::default()).or_panic().remove(0);
+        assert_eq!(solution.status, Status::Converged);
+        solution.lambda
+    };
+    let right_half = |gap: f64| move |x: [f64; 2]| if x[0] > 1.1 { gap } else { 0.0 };
+    for pair in [
+        Pair::obstacle("up-bottom", floor),
+        Pair::new("up-bottom", "bed-top"),
+    ] {
+        let far = squeezed(pair.clone().coulomb(0.3).gap(right_half(1.0)));
+        let none = squeezed(pair.clone().coulomb(0.3).gap(right_half(f64::INFINITY)));
+        assert_eq!(far.len(), none.len());
+        let off = norm_of_difference(&far, &none);
+        assert!(off < 1e-9, "off by {off:e}");
+        let pressed = none[..none.len() / 2].iter().filter(|&&force| force > 0.0);
+        assert!((3..=7).contains(&pressed.count()));
+        let rough = squeezed(pair.clone().coulomb(1e4));
+        let scale = norm_of_difference(&rough, &vec![0.0; rough.len()]);
+        for never in [
+            pair.clone().coulomb(f64::INFINITY),
+            pair.tresca(f64::INFINITY),
+        ] {
+            let off = norm_of_difference(&rough, &squeezed(never)) / scale;
+            assert!(off < 1e-5, "off by {off:e}");
+        }
+    }
+}
+
+fn norm_of_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).powi(2))
+        .sum::<f64>()
+        .sqrt()
 }

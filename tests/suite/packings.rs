@@ -367,3 +367,45 @@ fn beside_gauss_seidel() {
     println!("{unanswered} of {} solves without an answer", 4 * count);
     assert!(failed.is_empty(), "{failed:?}");
 }
+
+/// Rows that are multiples of one act as one, however many there are: the sum of their forces has a closed form.
+#[test]
+fn contacts_that_are_multiples_of_one() {
+    for seed in 0..40 {
+        let mut random = generator(seed);
+        let mut draw = |low, high| random.between(low, high);
+        let m = 2 + seed as usize % 20;
+        let (k, f) = (
+            [draw(0.5, 5.0), draw(0.5, 5.0)],
+            [draw(1.0, 4.0), draw(-2.0, 0.0)],
+        );
+        let row = [1.0, draw(-1.0, -0.2)];
+        let arms: Vec<f64> = (0..m).map(|_| draw(0.3, 1.0)).collect();
+        let values: Vec<f64> = arms.iter().flat_map(|arm| row.map(|v| arm * v)).collect();
+        let starts: Vec<usize> = (0..=m).map(|i| 2 * i).collect();
+        let problem = ContactProblem::<2>::from_matrices(Matrices {
+            stiffness: SparseRef::from_rows(2, 2, &[0, 1, 2], &[0, 1], &k),
+            load: &f,
+            normal: SparseRef::from_rows(m, 2, &starts, &[0, 1].repeat(m), &values),
+            tangential: SparseRef::from_rows(m, 2, &vec![0; m + 1], &[], &[]),
+            slip_bound: &vec![0.0; m],
+            gap: &vec![0.0; m],
+            dependent_rows: true,
+            ..Matrices::default()
+        })
+        .or_panic();
+        let mut dual = Way::Cholesky.dual(&problem).or_panic();
+        let settings = NewtonSettings::default();
+        let go_on = |_: &ssnm::Step| ControlFlow::Continue(());
+        let solution = ssnm::solve(&problem, &mut *dual, &settings, go_on).or_panic();
+        assert_eq!(
+            solution.status,
+            Status::Converged,
+            "seed {seed}, {m} contacts"
+        );
+        let moved: f64 = (0..2).map(|i| row[i] * f[i] / k[i]).sum();
+        let force = moved / (0..2).map(|i| row[i] * row[i] / k[i]).sum::<f64>();
+        let off = dot(&arms, &solution.lambda[..m]) - force;
+        assert!(off.abs() <= 1e-6 * force, "seed {seed}: off by {off:e}");
+    }
+}
