@@ -71,7 +71,7 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
         }
         print("\n")?;
     }
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = rayon::current_num_threads();
     print(&format!("{threads} threads.\n"))?;
     if let Some(path) = &arguments.json {
         let document = serde_json::json!({

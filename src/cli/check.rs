@@ -395,6 +395,7 @@ where
     }
     let texts = [
         pair.unmet_text(&units),
+        pair.alike_text(),
         pair.arcs_text(&units),
         pair.sagitta_text(&units),
     ];

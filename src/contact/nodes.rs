@@ -100,7 +100,7 @@ where
             }
         })
         .collect();
-    let areas = areas(body, nodes, around, &found);
+    let areas = areas(body, nodes, around, &found, options.friction);
     let mut places = Vec::new();
     for ((&node, area), found) in nodes.iter().zip(areas).zip(found) {
         let Some((partners, normal, distance)) = found else {
@@ -165,12 +165,13 @@ where
     Ok(places)
 }
 
-/// The share that each node has of the facets around it that look at the other side.
+/// The share that each node has of the facets around it that look at the other side; those of a tie may look away from it.
 fn areas<const D: usize>(
     body: &Body<D>,
     nodes: &[u32],
     around: &[Facet<D>],
     found: &[Option<Opposite<D>>],
+    friction: Friction<D>,
 ) -> Vec<f64>
 where
     ElementKind: Topology<D>,
@@ -184,7 +185,10 @@ where
         let mut ways = facet_nodes(*facet)
             .iter()
             .filter_map(|&node| towards[node as usize]);
-        ways.any(|way| dot(outward, way) > FACES)
+        ways.any(|way| match friction {
+            Friction::Tied => dot(outward, way).abs() > FACES,
+            _ => dot(outward, way) > FACES,
+        })
     });
     let facing: Vec<Facet<D>> = facing.copied().collect();
     let shares = shares(body, &facing);

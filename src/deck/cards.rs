@@ -5,9 +5,9 @@ mod loads;
 mod points;
 
 use super::said::{
-    Adjust, Amplitude, Clearance, Equation, FrictionChange, GeneralEquation, Interaction,
-    MaterialCard, PairCard, PairChange, Refusal, Said, Section, SpringCard, StepCard, TieCard,
-    Transform,
+    Adjust, Amplitude, Behavior, BehaviorChange, Clearance, Equation, FrictionChange,
+    GeneralEquation, Interaction, MaterialCard, PairCard, PairChange, Refusal, Said, Section,
+    SpringCard, StepCard, TieCard, Transform,
 };
 use crate::mesh::abaqus::index::{Card, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
@@ -201,7 +201,14 @@ impl<'a> Said<'a> {
             }
             "SURFACE BEHAVIOR" => self.behavior(card)?,
             "FRICTION" => self.friction(card)?,
-            "CHANGE FRICTION" => self.change_friction(k)?,
+            "CHANGE FRICTION" => {
+                self.changed_interaction(k)?;
+                self.changes_friction = true;
+            }
+            "CHANGE SURFACE BEHAVIOR" => {
+                self.changed_interaction(k)?;
+                self.changes_behavior = true;
+            }
             "MODEL CHANGE" => self.change_pairs(card)?,
             "CONTACT PAIR" => self.pairs(card)?,
             "TIE" => self.ties(card)?,
@@ -379,47 +386,84 @@ impl<'a> Said<'a> {
                 "*SURFACE BEHAVIOR comes before any *SURFACE INTERACTION".to_owned(),
             ));
         };
+        let changes = std::mem::take(&mut self.changes_behavior);
+        let Some(behavior) = self.stated_behavior(card)? else {
+            return Ok(());
+        };
+        if changes {
+            // *CHANGE SURFACE BEHAVIOR has seen a step.
+            self.behavior_changes.push(BehaviorChange {
+                step: self.steps.len() - 1,
+                interaction,
+                behavior,
+            });
+        } else {
+            self.interactions[interaction].behavior = behavior;
+        }
+        Ok(())
+    }
+
+    /// The law of pressures and overlaps that a card states; None where it is refused.
+    fn stated_behavior(&mut self, card: &Card<'a>) -> Result<Option<Behavior>> {
+        let k = &card.keyword;
         let kind = k
             .option("PRESSURE-OVERCLOSURE")
             .map(key)
             .unwrap_or_else(|| "HARD".to_owned());
-        let first = match card.data.first() {
-            Some(&(line, text)) => numbers(line, text)?.first().copied(),
-            None => None,
+        let numbers = match card.data.first() {
+            Some(&(line, text)) => numbers(line, text)?,
+            None => Vec::new(),
         };
-        if kind == "TABULAR" {
-            return self.table(card, interaction);
-        }
-        let here = &mut self.interactions[interaction];
-        match (kind.as_str(), first) {
-            ("HARD", _) => {}
-            ("LINEAR", Some(stiffness)) if stiffness > 0.0 => here.springs = vec![[stiffness, 0.0]],
+        let stiffness = numbers
+            .first()
+            .copied()
+            .filter(|&stiffness| stiffness > 0.0);
+        let springs = match (kind.as_str(), stiffness) {
+            ("HARD", _) => Vec::new(),
             ("TIED", stiffness) => {
-                here.tied = true;
-                let stiffness = stiffness.filter(|&stiffness| stiffness > 0.0);
-                here.springs = stiffness
-                    .map(|stiffness| [stiffness, 0.0])
-                    .into_iter()
-                    .collect();
+                let springs = Vec::from_iter(stiffness.map(|stiffness| [stiffness, 0.0]));
+                let tied = true;
+                return Ok(Some(Behavior { springs, tied }));
             }
-            ("LINEAR", _) => {
+            ("LINEAR", Some(stiffness)) => vec![[stiffness, 0.0]],
+            ("LINEAR", None) => {
                 return Err((
                     k.line,
                     "*SURFACE BEHAVIOR needs a stiffness above 0".to_owned(),
                 ));
             }
+            ("EXPONENTIAL", _) => match numbers[..] {
+                [c, p, ..] if c > 0.0 && p > 0.0 => {
+                    match self.springs(k.line, &exponential(c, p)) {
+                        Some(springs) => springs,
+                        None => return Ok(None),
+                    }
+                }
+                _ => {
+                    let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL needs a distance and a pressure above 0";
+                    return Err((k.line, text.to_owned()));
+                }
+            },
+            ("TABULAR", _) => match self.table(card)? {
+                Some(springs) => springs,
+                None => return Ok(None),
+            },
             _ => {
                 let text = format!(
-                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, or a table"
+                    "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, exponential, or a table"
                 );
                 self.refuse(k.line, "SURFACE BEHAVIOR", text);
+                return Ok(None);
             }
-        }
-        Ok(())
+        };
+        Ok(Some(Behavior {
+            springs,
+            tied: false,
+        }))
     }
 
     /// A law of pressures and overlaps, line by line.
-    fn table(&mut self, card: &Card<'a>, interaction: usize) -> Result<()> {
+    fn table(&mut self, card: &Card<'a>) -> Result<Option<Vec<[f64; 2]>>> {
         let line = card.keyword.line;
         let mut points = Vec::new();
         for &(line, text) in &card.data {
@@ -439,8 +483,12 @@ impl<'a> Said<'a> {
             let text = "*SURFACE BEHAVIOR: pressures of a table must increase with the overclosure, from 0 on";
             return Err((line, text.to_owned()));
         }
-        let points = &points[zeros - 1..];
-        // A law that becomes stiffer is a sum of linear ones, each starting at one of its corners.
+        Ok(self.springs(line, &points[zeros - 1..]))
+    }
+
+    /// The linear laws whose sum has these corners, each a pressure and an overlap, and its last slope beyond them; None where it is
+    /// refused, because a sum of these becomes stiffer.
+    fn springs(&mut self, line: usize, points: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
         let mut springs: Vec<[f64; 2]> = Vec::new();
         let mut before = 0.0;
         for pair in points.windows(2) {
@@ -454,12 +502,26 @@ impl<'a> Said<'a> {
                 let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR: a table must not become softer as the \
                             overclosure grows";
                 self.refuse(line, "SURFACE BEHAVIOR", text);
-                return Ok(());
+                return None;
             }
             springs.push([more, pair[0][1]]);
             before = slope;
         }
-        self.interactions[interaction].springs = springs;
+        Some(springs)
+    }
+
+    /// The interaction that changes in a step.
+    fn changed_interaction(&mut self, k: &Keyword<'a>) -> Result<()> {
+        self.only(k, &["INTERACTION"]);
+        let name = k.option("INTERACTION").map(key).unwrap_or_default();
+        self.interaction = self.interactions.iter().position(|one| one.name == name);
+        if self.interaction.is_none() {
+            let text = format!("there is no *SURFACE INTERACTION \"{name}\"");
+            return Err((k.line, text));
+        }
+        if self.steps.is_empty() {
+            return Err((k.line, format!("*{} comes before any *STEP", k.name)));
+        }
         Ok(())
     }
 
@@ -497,26 +559,6 @@ impl<'a> Said<'a> {
     }
 
     /// What `*FRICTION` says next is about an interaction from this step on.
-    fn change_friction(&mut self, k: &Keyword<'a>) -> Result<()> {
-        self.only(k, &["INTERACTION"]);
-        let name = k.option("INTERACTION").map(key).unwrap_or_default();
-        let found = self.interactions.iter().position(|one| one.name == name);
-        match found {
-            None => Err((
-                k.line,
-                format!("there is no *SURFACE INTERACTION \"{name}\""),
-            )),
-            Some(_) if self.steps.is_empty() => Err((
-                k.line,
-                "*CHANGE FRICTION stands before any *STEP".to_owned(),
-            )),
-            found => {
-                (self.interaction, self.changes_friction) = (found, true);
-                Ok(())
-            }
-        }
-    }
-
     /// Pairs that come or go.
     fn change_pairs(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
@@ -531,7 +573,7 @@ impl<'a> Said<'a> {
             return Err((k.line, "*MODEL CHANGE has either ADD or REMOVE".to_owned()));
         }
         let Some(step) = self.steps.len().checked_sub(1) else {
-            return Err((k.line, "*MODEL CHANGE stands before any *STEP".to_owned()));
+            return Err((k.line, "*MODEL CHANGE comes before any *STEP".to_owned()));
         };
         for &(line, text) in &card.data {
             let all: Vec<&str> = entries(text).map(plain).collect();
@@ -769,4 +811,13 @@ impl<'a> Said<'a> {
         }
         Ok(())
     }
+}
+
+/// Pressures and overlaps along CalculiX's exponential law p = p₀ 100^(δ/c₀): 1 % of p₀ at a gap of c₀, nothing beyond it.
+///
+/// Pressures grow by √10 from corner to corner, so that chords lie within 3.5 % of c₀ beside the curve, up to 1e4 p₀; beyond, the law
+/// goes on with its last slope.
+fn exponential(c: f64, p: f64) -> Vec<[f64; 2]> {
+    let corners = (-4..=8).map(|i| [p * 10_f64.powf(0.5 * f64::from(i)), 0.25 * f64::from(i) * c]);
+    std::iter::once([0.0, -c]).chain(corners.skip(1)).collect()
 }

@@ -46,6 +46,8 @@ struct Setting {
     line: usize,
     to: To,
     amplitude: Option<usize>,
+    /// It adds to what other entries of its step state.
+    adds: bool,
 }
 
 /// What an entry sets something to.
@@ -56,6 +58,31 @@ enum To {
     Fixed,
     /// It is removed.
     Nothing,
+}
+
+/// Where an entry is, and its amplitude.
+#[derive(Clone, Copy)]
+pub(super) struct Stated {
+    pub step: usize,
+    pub line: usize,
+    pub amplitude: Option<usize>,
+}
+
+impl Stated {
+    fn setting(self, to: To, adds: bool) -> Setting {
+        let Self {
+            step,
+            line,
+            amplitude,
+        } = self;
+        Setting {
+            step,
+            line,
+            to,
+            amplitude,
+            adds,
+        }
+    }
 }
 
 /// Something that has a value, with the first line about it.
@@ -100,24 +127,37 @@ impl Track {
         let mut values = Vec::with_capacity(times.ends.len());
         for (i, &(step, time)) in times.ends.iter().enumerate() {
             let about = &times.said.steps[step];
-            let here = self.settings.iter().rfind(|setting| setting.step == step);
-            let value = match here {
-                None => before,
-                Some(Setting { to: To::Fixed, .. }) => before,
-                Some(Setting { to, amplitude, .. }) => {
-                    let target = match to {
-                        To::Value(value) => *value,
-                        _ => start,
-                    };
-                    match amplitude.map(|number| &times.said.amplitudes[number]) {
-                        Some(amplitude) => {
-                            let Amplitude { total, .. } = amplitude;
-                            let shift = if *total { times.begin(step) } else { 0.0 };
-                            target * amplitude.at(time + shift)
+            let here = self.settings.iter().filter(|setting| setting.step == step);
+            let last = here.clone().next_back();
+            let value = match last {
+                None | Some(Setting { to: To::Fixed, .. }) => before,
+                Some(last) => {
+                    let (mut ramped, mut swung) = (None, 0.0);
+                    for setting in here.filter(|one| last.adds || std::ptr::eq(*one, last)) {
+                        let target = match setting.to {
+                            To::Value(value) => value,
+                            _ => start,
+                        };
+                        match setting
+                            .amplitude
+                            .map(|number| &times.said.amplitudes[number])
+                        {
+                            Some(amplitude) => {
+                                let Amplitude { total, .. } = amplitude;
+                                let shift = if *total { times.begin(step) } else { 0.0 };
+                                swung += target * amplitude.at(time + shift);
+                            }
+                            None => *ramped.get_or_insert(0.0) += target,
                         }
-                        None if about.at_once => target,
-                        None => before + (target - before) * (time / about.period).min(1.0),
                     }
+                    swung
+                        + match ramped {
+                            None => 0.0,
+                            Some(target) if about.at_once => target,
+                            Some(target) => {
+                                before + (target - before) * (time / about.period).min(1.0)
+                            }
+                        }
                 }
             };
             values.push(value);
@@ -158,45 +198,26 @@ impl<K> Default for Tracks<K> {
 
 impl<K: Clone + Eq + Hash> Tracks<K> {
     /// Sets a value from a step on.
-    pub fn set(
-        &mut self,
-        key: K,
-        line: usize,
-        origin: &str,
-        step: usize,
-        value: f64,
-        amplitude: Option<usize>,
-    ) {
-        let to = To::Value(value);
-        self.add(
-            key,
-            origin,
-            Setting {
-                step,
-                line,
-                to,
-                amplitude,
-            },
-        );
+    pub fn set(&mut self, key: K, origin: &str, value: f64, by: Stated) {
+        self.add(key, origin, by.setting(To::Value(value), false));
+    }
+
+    /// Sets a load from a step on; loads that one step states on the same thing add up.
+    pub fn load(&mut self, key: K, origin: &str, value: f64, by: Stated) {
+        self.add(key, origin, by.setting(To::Value(value), true));
     }
 
     /// Keeps what it is from a step on; in the first one it is nothing yet.
-    pub fn fix(&mut self, key: K, line: usize, origin: &str, step: usize) {
-        let to = match step {
+    pub fn fix(&mut self, key: K, origin: &str, by: Stated) {
+        let to = match by.step {
             0 => To::Value(0.0),
             _ => To::Fixed,
         };
-        let amplitude = None;
-        self.add(
-            key,
-            origin,
-            Setting {
-                step,
-                line,
-                to,
-                amplitude,
-            },
-        );
+        let by = Stated {
+            amplitude: None,
+            ..by
+        };
+        self.add(key, origin, by.setting(to, false));
     }
 
     fn add(&mut self, key: K, origin: &str, setting: Setting) {
@@ -229,12 +250,13 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
                 .last()
                 .is_some_and(|last| last.to != To::Nothing)
             {
-                track.settings.push(Setting {
+                track.settings.retain(|setting| setting.step != step);
+                let by = Stated {
                     step,
                     line,
-                    to: To::Nothing,
                     amplitude: None,
-                });
+                };
+                track.settings.push(by.setting(To::Nothing, false));
             }
         }
     }

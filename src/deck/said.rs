@@ -1,5 +1,6 @@
 //! The contents of a deck.
 
+use super::history::Stated;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// An entry that changes the result and is not supported.
@@ -145,14 +146,31 @@ pub(super) struct Load<'a> {
     pub amplitude: Option<usize>,
 }
 
+impl Load<'_> {
+    /// Where it is; entries before the first step act in it.
+    pub fn stated(&self) -> Stated {
+        Stated {
+            step: self.step.unwrap_or(0),
+            line: self.line,
+            amplitude: self.amplitude,
+        }
+    }
+}
+
+/// `*SURFACE BEHAVIOR`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Behavior {
+    /// Pressures per overlap, each starting at an overlap (below 0 a gap), that add up; none: hard.
+    pub springs: Vec<[f64; 2]>,
+    pub tied: bool,
+}
+
 /// `*SURFACE INTERACTION` with its subsequent keywords.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interaction {
     /// In capitals.
     pub name: String,
-    /// Pressures per overlap, each starting at an overlap (below 0 a gap), that add up; none: hard.
-    pub springs: Vec<[f64; 2]>,
-    pub tied: bool,
+    pub behavior: Behavior,
     pub friction: Option<f64>,
     pub stick_slope: Option<f64>,
 }
@@ -180,6 +198,14 @@ pub(super) struct FrictionChange {
     /// Its number.
     pub interaction: usize,
     pub friction: f64,
+}
+
+/// `*CHANGE SURFACE BEHAVIOR`: what the behavior of an interaction is from a step on.
+pub(super) struct BehaviorChange {
+    pub step: usize,
+    /// Its number.
+    pub interaction: usize,
+    pub behavior: Behavior,
 }
 
 /// `*MODEL CHANGE, TYPE=CONTACT PAIR`, a line of it: whether a pair acts from a step on.
@@ -296,6 +322,7 @@ pub(super) struct Said<'a> {
     pub interactions: Vec<Interaction>,
     pub pairs: Vec<PairCard<'a>>,
     pub friction_changes: Vec<FrictionChange>,
+    pub behavior_changes: Vec<BehaviorChange>,
     pub pair_changes: Vec<PairChange>,
     pub ties: Vec<TieCard<'a>>,
     pub clearances: Vec<Clearance>,
@@ -318,4 +345,6 @@ pub(super) struct Said<'a> {
     pub interaction: Option<usize>,
     /// Whether the next `*FRICTION` is about a step.
     pub changes_friction: bool,
+    /// Whether the next `*SURFACE BEHAVIOR` is.
+    pub changes_behavior: bool,
 }

@@ -17,7 +17,7 @@ use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, f
 use crate::problem::UNREACHABLE;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// A contact as it was understood.
 #[derive(Clone, Debug)]
@@ -57,6 +57,8 @@ where
     pub search_distance: f64,
     /// The part of the master boundary that is opposite within the search distance, but is not met.
     pub unmet: Option<Unmet<D>>,
+    /// Whether both sides of a tie look the same way, so that it holds node by node.
+    pub alike: bool,
     /// The gap between sides that are drawn as arcs about one axis, where that of their facets scatters by more than a tenth.
     pub arcs: Option<f64>,
     /// The deviation of facets from the curved surfaces (not arcs about one axis) that they approximate, if an overlap is
@@ -103,6 +105,7 @@ where
             wear: 0.0,
             search_distance: 0.0,
             unmet: None,
+            alike: false,
             arcs: None,
             sagitta: None,
             places: 0,
@@ -140,6 +143,15 @@ where
             None if self.kind == EntityKind::Equal => self.boundary.clone(),
             None => format!("{} / {}", self.boundary, self.against),
         }
+    }
+
+    /// A word about sides of a tie that look the same way.
+    pub fn alike_text(&self) -> Option<String> {
+        self.alike.then(|| {
+            "no two facets of its sides face each other (one side lies within the other): each node of the first side is tied to the \
+             nearest point of the second"
+                .to_owned()
+        })
     }
 
     /// The part of the master boundary that is opposite but not met, in words.
@@ -340,7 +352,7 @@ where
             moves: large && !self.is_tie(),
             ..self.options(&law, [&normal, &tangential], sliding)
         };
-        let (mut others, mut unmet) = (Vec::new(), None);
+        let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
@@ -366,6 +378,19 @@ where
                         unmet = found.unmet;
                         found.places
                     }),
+                };
+                // Sides of a tie may lie within each other and look the same way: each node is near the other side all the same.
+                let found = match found {
+                    Err(apart @ ContactError::Apart { .. })
+                        if self.is_tie() && !self.is_by_nodes() =>
+                    {
+                        let own = BTreeSet::from_iter(facets.iter().flat_map(facet_nodes).copied());
+                        let (own, met) = (Vec::from_iter(own), Met::Facets(&others));
+                        let found = node_contact(body, &own, &facets, met, &options);
+                        alike = found.is_ok();
+                        found.map_err(|_| apart)
+                    }
+                    found => found,
                 };
                 (found, against, distance)
             }
@@ -397,6 +422,7 @@ where
             wear: self.wear.map_or(0.0, |wear| wear.coefficient),
             search_distance,
             unmet,
+            alike,
             sagitta: off,
             ..PairData::between(kind, &self.name, boundary, against, self.friction(units))
         };

@@ -233,6 +233,7 @@ where
         }
         let texts = [
             pair.unmet_text(units),
+            pair.alike_text(),
             pair.arcs_text(units),
             pair.sagitta_text(units),
         ];

@@ -437,7 +437,9 @@ impl<B: Backend> Pcg<B> {
             let first_energy = *first_energy.get_or_insert(progress.energy);
             // Rounding may have given a free motion some stiffness: then x has moved far along it.
             let free = progress.energy > ENERGY_GROWTH * first_energy;
-            if progress.done || free {
+            // A device may not see that its numbers are not finite: shaders may assume that they are.
+            let lost = !progress.rr.is_finite();
+            if progress.done || free || lost {
                 self.counts.iterations += progress.iterations;
                 if to_energy {
                     self.last = progress.iterations;
@@ -446,7 +448,7 @@ impl<B: Backend> Pcg<B> {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
                     self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);
                 }
-                if progress.broken || free || !progress.rr.is_finite() {
+                if progress.broken || free || lost {
                     return Err(PcgError::NotPositiveDefinite);
                 }
                 return Ok(progress);

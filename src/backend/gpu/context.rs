@@ -222,11 +222,9 @@ impl Context {
             None if summary.f64 => Precision::F64,
             None => Precision::F32,
         };
-        let wanted =
-            wgpu::Features::SHADER_F64 | wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("signorini"),
-            required_features: adapter.features() & wanted,
+            required_features: adapter.features() & wgpu::Features::SHADER_F64,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()

@@ -47,13 +47,9 @@ pub(super) const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Reasons to refuse keywords that decks often have.
-pub(super) const REASONS: [(&str, &str); 30] = [
+pub(super) const REASONS: [(&str, &str); 29] = [
     ("BEAM SECTION", "beams are not supported"),
     ("BUCKLE", "buckling analysis is not supported"),
-    (
-        "CHANGE SURFACE BEHAVIOR",
-        "contact cannot change from step to step",
-    ),
     (
         "COUPLED TEMPERATURE-DISPLACEMENT",
         "heat conduction is not supported",

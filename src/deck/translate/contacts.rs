@@ -3,7 +3,8 @@
 use super::{Result, Translation, with_factors};
 use crate::deck::adjust::{Adjustment, Moved};
 use crate::deck::history::factors;
-use crate::deck::said::{Adjust, Interaction, PairCard, Said, SectorCard, TieCard};
+use crate::deck::said::{Adjust, Behavior, Interaction, PairCard, Said, SectorCard, TieCard};
+use crate::mesh::abaqus::index::Surface;
 use crate::mesh::abaqus::keyword::key;
 use crate::model::{Axis, Cyclic, Pair};
 use std::array::from_fn;
@@ -31,9 +32,10 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = format!("there is no *SURFACE INTERACTION \"{}\"", pair.interaction);
                 return Err((pair.line, text));
             };
-            let active = self.active(pair);
-            if interaction.tied {
-                if let Some([stiffness, _]) = interaction.springs.first() {
+            let laws = self.behaviors(interaction, self.active(pair));
+            let tied: Vec<_> = (laws.iter().filter(|law| law.0.tied).cloned()).collect();
+            for (behavior, active) in &tied {
+                if let Some([stiffness, _]) = behavior.springs.first() {
                     let place = (self.place)(pair.line);
                     self.notes.push(format!(
                         "{place}: ties are rigid here: the stiffness of {stiffness:e} is skipped"
@@ -42,8 +44,10 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let before = self.definition.ties.len();
                 self.tie(pair.line, None, [pair.slave, pair.master], None)?;
                 if let Some(tie) = self.definition.ties.get_mut(before) {
-                    *tie = with_factors(tie.clone(), active, Pair::active);
+                    *tie = with_factors(tie.clone(), active.clone(), Pair::active);
                 }
+            }
+            if tied.len() == laws.len() {
                 continue;
             }
             let slave = self.index.surface(pair.line, pair.slave)?;
@@ -52,17 +56,11 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = "*CONTACT PAIR: the master surface must consist of element faces";
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
-            // A surface of nodes that make up faces counts as one of faces.
-            let by_nodes = match &slave.nodes {
-                Some(nodes) if !self.index.covers(nodes) => {
-                    self.index.add_nodes(&slave.name, nodes);
-                    true
-                }
-                _ => false,
-            };
+            let by_nodes = self.adds_nodes(&slave);
             let (friction, factors) = self.friction(interaction);
             let slope = interaction.stick_slope.filter(|_| friction.is_some());
-            if slope.is_some() && interaction.springs.len() > 1 {
+            let mut pieces = laws.iter().map(|law| law.0.springs.len());
+            if slope.is_some() && pieces.any(|pieces| pieces > 1) {
                 let text = "*FRICTION: a stick slope cannot be combined with a table of pressures in several pieces";
                 self.refuse(pair.line, "FRICTION", text);
             }
@@ -89,11 +87,13 @@ impl<const D: usize> Translation<'_, '_, D> {
                 }
             }
             // Parallel contacts, whose pressures add up, for a table in several pieces.
-            let springs: Vec<Option<[f64; 2]>> = match interaction.springs.is_empty() {
-                true => vec![None],
-                false => interaction.springs.iter().copied().map(Some).collect(),
-            };
-            for spring in springs {
+            let sliding = laws.iter().filter(|law| !law.0.tied);
+            let springs = sliding.flat_map(|(behavior, active)| {
+                let all = behavior.springs.iter().copied().map(Some);
+                let hard = behavior.springs.is_empty().then_some(None);
+                all.chain(hard).map(move |spring| (spring, active))
+            });
+            for (spring, active) in springs {
                 let begins = spring.map_or(0.0, |spring| spring[1]);
                 let mut contact = Pair::new(&slave.name, &master.name);
                 if by_nodes {
@@ -145,6 +145,17 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
+    /// Whether a surface becomes a set of nodes: one of nodes that make up faces counts as one of faces.
+    fn adds_nodes(&mut self, surface: &Surface) -> bool {
+        match &surface.nodes {
+            Some(nodes) if !self.index.covers(nodes) => {
+                self.index.add_nodes(&surface.name, nodes);
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// What holds at the end of each load step, where a keyword may change it from a step on.
     fn by_step(&self, first: f64, changes: &[(usize, f64)]) -> Vec<f64> {
         let at = |&(step, _): &(usize, f64)| {
@@ -164,6 +175,35 @@ impl<const D: usize> Translation<'_, '_, D> {
             .collect();
         let steps = self.by_step(1.0, &changes);
         steps.contains(&0.0).then_some(steps)
+    }
+
+    /// The behaviors of an interaction, each with the load steps in which a pair that is `active` has it, if not in all.
+    fn behaviors(
+        &self,
+        interaction: &Interaction,
+        active: Option<Vec<f64>>,
+    ) -> Vec<(Behavior, Option<Vec<f64>>)> {
+        let changes = self.said.behavior_changes.iter();
+        let changes = changes
+            .filter(|change| self.said.interactions[change.interaction].name == interaction.name);
+        let mut all = vec![interaction.behavior.clone()];
+        let mut changed = Vec::new();
+        for change in changes {
+            changed.push((change.step, all.len() as f64));
+            all.push(change.behavior.clone());
+        }
+        let number = self.by_step(0.0, &changed);
+        let mut found = Vec::new();
+        for (own, behavior) in all.into_iter().enumerate() {
+            let acts = |i: usize| active.as_ref().map_or(1.0, |active| active[i]);
+            let here =
+                |(i, number): (usize, &f64)| if *number == own as f64 { acts(i) } else { 0.0 };
+            let steps: Vec<f64> = number.iter().enumerate().map(here).collect();
+            if steps.contains(&1.0) {
+                found.push((behavior, steps.contains(&0.0).then_some(steps)));
+            }
+        }
+        found
     }
 
     /// The coefficient of an interaction where it is largest, and what it is multiplied by in each load step.
@@ -219,23 +259,22 @@ impl<const D: usize> Translation<'_, '_, D> {
         sides: [&str; 2],
         tolerance: Option<f64>,
     ) -> Result<()> {
-        let mut called = Vec::new();
-        for (number, side) in sides.into_iter().enumerate() {
-            let surface = self.index.surface(line, side)?;
-            if surface
-                .nodes
-                .is_some_and(|nodes| number == 1 || !self.index.covers(&nodes))
-            {
-                let text = format!(
-                    "*TIE: surface \"{}\" does not consist of whole faces",
-                    surface.name
-                );
-                self.refuse(line, "TIE", text);
-                return Ok(());
-            }
-            called.push(surface.name);
+        let [slave, master] = [
+            self.index.surface(line, sides[0])?,
+            self.index.surface(line, sides[1])?,
+        ];
+        if master.nodes.is_some() {
+            let text = format!(
+                "*TIE: the master surface \"{}\" must consist of element faces",
+                master.name
+            );
+            self.refuse(line, "TIE", text);
+            return Ok(());
         }
-        let mut tie = Pair::tied(&called[0], &called[1]).adjust(tolerance.unwrap_or_default());
+        let mut tie = Pair::tied(&slave.name, &master.name).adjust(tolerance.unwrap_or_default());
+        if self.adds_nodes(&slave) {
+            tie = tie.by_nodes();
+        }
         if let Some(name) = name {
             tie = tie.named(name);
         }

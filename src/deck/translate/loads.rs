@@ -19,7 +19,8 @@ impl<const D: usize> Translation<'_, '_, D> {
         let mut surfaces = Tracks::default();
         let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
         for load in &self.said.loads {
-            let (line, step, amplitude) = (load.line, load.step.unwrap_or(0), load.amplitude);
+            let by = load.stated();
+            let (line, step) = (by.line, by.step);
             let bits = |kind: u64, a: [f64; 3], b: [f64; 3]| {
                 let [a, b] = [a, b].map(|v| v.map(f64::to_bits));
                 [kind, a[0], a[1], a[2], b[0], b[1], b[2]]
@@ -44,12 +45,12 @@ impl<const D: usize> Translation<'_, '_, D> {
                         if !self.index.is_of_body(element) || !self.index.has_face(element, *face) {
                             return Err((line, format!("P{face} is not a face of this element")));
                         }
-                        faces.set((element, *face), line, &origin, step, *value, amplitude);
+                        faces.load((element, *face), &origin, *value, by);
                     }
                 }
                 What::Pressure { surface, value } => {
                     let name = self.index.surface(line, surface)?.name;
-                    surfaces.set(name, line, "", step, *value, amplitude);
+                    surfaces.load(name, "", *value, by);
                 }
                 What::Gravity {
                     target,
@@ -57,7 +58,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     direction,
                 } => {
                     let key = ((*target).to_owned(), bits(0, unit(*direction), [0.0; 3]));
-                    volumes.set(key, line, target, step, *size, amplitude);
+                    volumes.load(key, target, *size, by);
                 }
                 What::Centrifugal {
                     target,
@@ -66,7 +67,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     direction,
                 } => {
                     let key = ((*target).to_owned(), bits(1, *point, unit(*direction)));
-                    volumes.set(key, line, target, step, *square, amplitude);
+                    volumes.load(key, target, *square, by);
                 }
                 What::Volume {
                     target,
@@ -76,7 +77,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     let mut along = [0.0; 3];
                     along[*axis] = 1.0;
                     let key = ((*target).to_owned(), bits(2, along, [0.0; 3]));
-                    volumes.set(key, line, target, step, *value, amplitude);
+                    volumes.load(key, target, *value, by);
                 }
                 _ => {}
             }
@@ -195,7 +196,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 What::Clear(Kind::Temperature) => tracks.clear(step, load.line),
                 What::Temperature { target, value } => {
                     for node in self.index.nodes(load.line, target)? {
-                        tracks.set(node, load.line, target, step, value, load.amplitude);
+                        tracks.set(node, target, value, load.stated());
                     }
                 }
                 _ => {}

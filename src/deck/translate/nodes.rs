@@ -292,11 +292,12 @@ impl<const D: usize> Translation<'_, '_, D> {
                     }
                     for node in meant {
                         let key = (node, component);
-                        match is_fixed {
-                            true => tracks.fix(key, load.line, origin, step),
-                            false => {
-                                tracks.set(key, load.line, origin, step, value, load.amplitude)
+                        match (is_fixed, kind) {
+                            (true, _) => tracks.fix(key, origin, load.stated()),
+                            (false, Kind::Force) => {
+                                tracks.load(key, origin, value, load.stated());
                             }
+                            _ => tracks.set(key, origin, value, load.stated()),
                         }
                     }
                 }

@@ -128,9 +128,11 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let Some(first) = nodes.get(&node) else {
                     continue;
                 };
-                let tracks = if is_motion { &mut motions } else { &mut loads };
                 for component in components {
-                    tracks.set(first + component, line, "", step, value, load.amplitude);
+                    match is_motion {
+                        true => motions.set(first + component, "", value, load.stated()),
+                        false => loads.load(first + component, "", value, load.stated()),
+                    }
                 }
             }
         }

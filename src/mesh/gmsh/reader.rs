@@ -146,9 +146,9 @@ impl<'a> Reader<'a> {
             self.number("a non-negative integer")?
         };
         // A count larger than the file is nonsense, and nothing to allocate for.
-        usize::try_from(value)
-            .ok()
+        Some(value)
             .filter(|&v| v < (1 << 48))
+            .and_then(|v| usize::try_from(v).ok())
             .map_or_else(
                 || self.fail(format!("{value} is not a sensible number")),
                 Ok,
