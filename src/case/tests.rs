@@ -242,8 +242,15 @@ fn every_kind_is_a_part_and_documented() {
         .collect();
     assert_eq!(stated, lists());
     let docs = include_str!("../../docs/case-file.md");
+    let decks = include_str!("../../docs/decks.md");
     let python = include_str!("../../python/signorini/_model.py");
     for key in stated {
+        // No keyword of a deck states a stiffness per area.
+        assert_eq!(
+            decks.contains(&format!("`[[{key}]]`")),
+            key != "foundation",
+            "{key}"
+        );
         let is_heading =
             |line: &str| line.starts_with("## ") && line.contains(&format!("`[[{key}]]`"));
         assert!(docs.lines().any(is_heading), "no section about {key}");
