@@ -28,6 +28,7 @@ mod vtu;
 pub(crate) use cut::{Between, Cut};
 #[cfg(feature = "plots")]
 pub(crate) use element::edge_parts;
+pub(crate) use element::nodes_of_facets;
 pub use element::{Element, ElementKind, Facet, Topology, facet, facet_corners, facet_nodes};
 pub(crate) use element::{border, face_parts, face_ring, facet_parts, unsided};
 pub use file::FileError;

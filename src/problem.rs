@@ -486,7 +486,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         self.case.slip_bound[i] == TIED
     }
 
-    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body.
+    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body. A mean of
+    /// [`UNREACHABLE`] over a place may be rounded down; no other gap comes near it.
     pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
         let m = self.m();
         let node = row.checked_sub(m).map_or(row, |row| row / (D - 1));

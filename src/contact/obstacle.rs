@@ -6,7 +6,7 @@ use super::{
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, nodes_of_facets};
 
 /// A rigid obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,9 +183,7 @@ where
 {
     let mesh = body.mesh;
     let rounding = rounding(body);
-    let mut nodes: Vec<u32> = (facets.iter()).flat_map(facet_nodes).copied().collect();
-    nodes.sort_unstable();
-    nodes.dedup();
+    let nodes = nodes_of_facets(facets);
     let faces = |facet: &Facet<D>| {
         let (_, outward) = mesh.facet_normal(facet);
         let (_, towards) = obstacle.distance(mesh.facet_middle(facet));

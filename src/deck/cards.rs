@@ -418,14 +418,11 @@ impl<'a> Said<'a> {
             .first()
             .copied()
             .filter(|&stiffness| stiffness > 0.0);
+        let tied = kind == "TIED";
         let springs = match (kind.as_str(), stiffness) {
-            ("HARD", _) => Vec::new(),
-            ("TIED", stiffness) => {
-                let springs = Vec::from_iter(stiffness.map(|stiffness| [stiffness, 0.0]));
-                let tied = true;
-                return Ok(Some(Behavior { springs, tied }));
-            }
-            ("LINEAR", Some(stiffness)) => vec![[stiffness, 0.0]],
+            ("HARD", _) => Some(Vec::new()),
+            ("TIED", _) => Some(Vec::from_iter(stiffness.map(|k| [k, 0.0]))),
+            ("LINEAR", Some(stiffness)) => Some(vec![[stiffness, 0.0]]),
             ("LINEAR", None) => {
                 return Err((
                     k.line,
@@ -433,33 +430,22 @@ impl<'a> Said<'a> {
                 ));
             }
             ("EXPONENTIAL", _) => match numbers[..] {
-                [c, p, ..] if c > 0.0 && p > 0.0 => {
-                    match self.springs(k.line, &exponential(c, p)) {
-                        Some(springs) => springs,
-                        None => return Ok(None),
-                    }
-                }
+                [c, p, ..] if c > 0.0 && p > 0.0 => self.springs(k.line, &exponential(c, p)),
                 _ => {
                     let text = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL needs a distance and a pressure above 0";
                     return Err((k.line, text.to_owned()));
                 }
             },
-            ("TABULAR", _) => match self.table(card)? {
-                Some(springs) => springs,
-                None => return Ok(None),
-            },
+            ("TABULAR", _) => self.table(card)?,
             _ => {
                 let text = format!(
                     "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}: contact is hard, linear, exponential, or a table"
                 );
                 self.refuse(k.line, "SURFACE BEHAVIOR", text);
-                return Ok(None);
+                None
             }
         };
-        Ok(Some(Behavior {
-            springs,
-            tied: false,
-        }))
+        Ok(springs.map(|springs| Behavior { springs, tied }))
     }
 
     /// A law of pressures and overlaps, line by line.
@@ -510,7 +496,7 @@ impl<'a> Said<'a> {
         Some(springs)
     }
 
-    /// The interaction that changes in a step.
+    /// The interaction that the next keyword changes from this step on.
     fn changed_interaction(&mut self, k: &Keyword<'a>) -> Result<()> {
         self.only(k, &["INTERACTION"]);
         let name = k.option("INTERACTION").map(key).unwrap_or_default();
@@ -558,7 +544,6 @@ impl<'a> Said<'a> {
         Ok(())
     }
 
-    /// What `*FRICTION` says next is about an interaction from this step on.
     /// Pairs that come or go.
     fn change_pairs(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;

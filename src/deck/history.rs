@@ -42,10 +42,8 @@ impl<'a> Times<'a> {
 /// An entry of a deck in one of its steps.
 #[derive(Clone, Copy)]
 struct Setting {
-    step: usize,
-    line: usize,
+    by: Stated,
     to: To,
-    amplitude: Option<usize>,
     /// It adds to what other entries of its step state.
     adds: bool,
 }
@@ -68,23 +66,6 @@ pub(super) struct Stated {
     pub amplitude: Option<usize>,
 }
 
-impl Stated {
-    fn setting(self, to: To, adds: bool) -> Setting {
-        let Self {
-            step,
-            line,
-            amplitude,
-        } = self;
-        Setting {
-            step,
-            line,
-            to,
-            amplitude,
-            adds,
-        }
-    }
-}
-
 /// Something that has a value, with the first line about it.
 pub(super) struct Track {
     pub line: usize,
@@ -96,16 +77,19 @@ pub(super) struct Track {
 impl Track {
     /// The line of the deck that adds or removes it after the beginning.
     pub fn changes(&self) -> Option<usize> {
-        let late = self.settings.first().filter(|first| first.step > 0);
+        let late = self.settings.first().filter(|first| first.by.step > 0);
         let changes = |setting: &&Setting| !matches!(setting.to, To::Value(_));
         let changed = || self.settings.iter().find(changes);
-        late.or_else(changed).map(|setting| setting.line)
+        late.or_else(changed).map(|setting| setting.by.line)
     }
 
     /// For each load step 1 where it is there, and 1 where it is fixed; None where that is the same in all of them.
     pub fn switches(&self, times: &Times) -> [Option<Vec<f64>>; 2] {
         let state = |step: usize| {
-            let last = self.settings.iter().rfind(|setting| setting.step <= step);
+            let last = self
+                .settings
+                .iter()
+                .rfind(|setting| setting.by.step <= step);
             last.map_or(To::Nothing, |setting| setting.to)
         };
         let list = |is: &dyn Fn(usize) -> bool| -> Vec<f64> {
@@ -127,7 +111,10 @@ impl Track {
         let mut values = Vec::with_capacity(times.ends.len());
         for (i, &(step, time)) in times.ends.iter().enumerate() {
             let about = &times.said.steps[step];
-            let here = self.settings.iter().filter(|setting| setting.step == step);
+            let here = self
+                .settings
+                .iter()
+                .filter(|setting| setting.by.step == step);
             let last = here.clone().next_back();
             let value = match last {
                 None | Some(Setting { to: To::Fixed, .. }) => before,
@@ -139,6 +126,7 @@ impl Track {
                             _ => start,
                         };
                         match setting
+                            .by
                             .amplitude
                             .map(|number| &times.said.amplitudes[number])
                         {
@@ -199,12 +187,12 @@ impl<K> Default for Tracks<K> {
 impl<K: Clone + Eq + Hash> Tracks<K> {
     /// Sets a value from a step on.
     pub fn set(&mut self, key: K, origin: &str, value: f64, by: Stated) {
-        self.add(key, origin, by.setting(To::Value(value), false));
+        self.add(key, origin, by, To::Value(value), false);
     }
 
     /// Sets a load from a step on; loads that one step states on the same thing add up.
     pub fn load(&mut self, key: K, origin: &str, value: f64, by: Stated) {
-        self.add(key, origin, by.setting(To::Value(value), true));
+        self.add(key, origin, by, To::Value(value), true);
     }
 
     /// Keeps what it is from a step on; in the first one it is nothing yet.
@@ -217,17 +205,18 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
             amplitude: None,
             ..by
         };
-        self.add(key, origin, by.setting(to, false));
+        self.add(key, origin, by, to, false);
     }
 
-    fn add(&mut self, key: K, origin: &str, setting: Setting) {
-        let Setting { step, line, .. } = setting;
+    fn add(&mut self, key: K, origin: &str, by: Stated, to: To, adds: bool) {
+        let Stated { step, line, .. } = by;
+        let setting = Setting { by, to, adds };
         match self.number.get(&key) {
             Some(&number) => {
                 let track = &mut self.all[number].1;
                 track.origin = origin.to_owned();
                 // An entry that is removed and set again in one step was never removed.
-                (track.settings).pop_if(|last| last.to == To::Nothing && last.step == step);
+                (track.settings).pop_if(|last| last.to == To::Nothing && last.by.step == step);
                 track.settings.push(setting);
             }
             None => {
@@ -250,13 +239,14 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
                 .last()
                 .is_some_and(|last| last.to != To::Nothing)
             {
-                track.settings.retain(|setting| setting.step != step);
+                track.settings.retain(|setting| setting.by.step != step);
                 let by = Stated {
                     step,
                     line,
                     amplitude: None,
                 };
-                track.settings.push(by.setting(To::Nothing, false));
+                let (to, adds) = (To::Nothing, false);
+                track.settings.push(Setting { by, to, adds });
             }
         }
     }

@@ -353,6 +353,14 @@ pub fn facet_nodes<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
     &all[..len]
 }
 
+/// The nodes of facets, each once, in increasing order.
+pub(crate) fn nodes_of_facets<F: AsRef<[u32]>>(facets: &[F]) -> Vec<u32> {
+    let mut nodes: Vec<u32> = facets.iter().flat_map(facet_nodes).copied().collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}
+
 /// The corners of a facet: the ends of an edge.
 pub fn facet_corners<F: AsRef<[u32]>>(facet: &F) -> &[u32] {
     let nodes = facet_nodes(facet);

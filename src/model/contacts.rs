@@ -13,11 +13,13 @@ use crate::contact::{
 };
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes};
+use crate::mesh::{
+    ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
+};
 use crate::problem::UNREACHABLE;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
 #[derive(Clone, Debug)]
@@ -384,8 +386,7 @@ where
                     Err(apart @ ContactError::Apart { .. })
                         if self.is_tie() && !self.is_by_nodes() =>
                     {
-                        let own = BTreeSet::from_iter(facets.iter().flat_map(facet_nodes).copied());
-                        let (own, met) = (Vec::from_iter(own), Met::Facets(&others));
+                        let (own, met) = (nodes_of_facets(&facets), Met::Facets(&others));
                         let found = node_contact(body, &own, &facets, met, &options);
                         alike = found.is_ok();
                         found.map_err(|_| apart)
@@ -471,7 +472,7 @@ where
     pub(super) fn own_nodes(&self, mesh: &Mesh<D>, data: &PairData<D>) -> Vec<u32> {
         match self.is_by_nodes() {
             true => nodes_of_sets(mesh, self.side()).unwrap_or_default(),
-            false => data.facets.iter().flat_map(facet_nodes).copied().collect(),
+            false => nodes_of_facets(&data.facets),
         }
     }
 

@@ -56,7 +56,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
     /// The value of an error that is too small to be measured.
     fn below_rounding(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         // Before u is known, displacements that cancel in B u (gaps of zero that forces keep closed) do not show how large they are.
-        let unseen = self.moved.iter().all(|&moved| moved == 0.0) && way.err <= EXACT * way.err0;
+        let unseen = way.err <= EXACT * way.err0 && self.moved.iter().all(|&moved| moved == 0.0);
         if way.err > self.rounding(&way.point) && !unseen {
             return Ok(Ended::NotYet);
         }

@@ -33,8 +33,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 return Err((pair.line, text));
             };
             let laws = self.behaviors(interaction, self.active(pair));
-            let tied: Vec<_> = (laws.iter().filter(|law| law.0.tied).cloned()).collect();
-            for (behavior, active) in &tied {
+            for (behavior, active) in laws.iter().filter(|law| law.0.tied) {
                 if let Some([stiffness, _]) = behavior.springs.first() {
                     let place = (self.place)(pair.line);
                     self.notes.push(format!(
@@ -47,7 +46,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     *tie = with_factors(tie.clone(), active.clone(), Pair::active);
                 }
             }
-            if tied.len() == laws.len() {
+            if laws.iter().all(|law| law.0.tied) {
                 continue;
             }
             let slave = self.index.surface(pair.line, pair.slave)?;
@@ -157,7 +156,7 @@ impl<const D: usize> Translation<'_, '_, D> {
     }
 
     /// What holds at the end of each load step, where a keyword may change it from a step on.
-    fn by_step(&self, first: f64, changes: &[(usize, f64)]) -> Vec<f64> {
+    fn by_step<T: Copy>(&self, first: T, changes: &[(usize, T)]) -> Vec<T> {
         let at = |&(step, _): &(usize, f64)| {
             let last = changes.iter().rfind(|change| change.0 <= step);
             last.map_or(first, |change| change.1)
@@ -189,16 +188,15 @@ impl<const D: usize> Translation<'_, '_, D> {
         let mut all = vec![interaction.behavior.clone()];
         let mut changed = Vec::new();
         for change in changes {
-            changed.push((change.step, all.len() as f64));
+            changed.push((change.step, all.len()));
             all.push(change.behavior.clone());
         }
-        let number = self.by_step(0.0, &changed);
+        let number = self.by_step(0, &changed);
+        let active = active.unwrap_or_else(|| vec![1.0; number.len()]);
         let mut found = Vec::new();
         for (own, behavior) in all.into_iter().enumerate() {
-            let acts = |i: usize| active.as_ref().map_or(1.0, |active| active[i]);
-            let here =
-                |(i, number): (usize, &f64)| if *number == own as f64 { acts(i) } else { 0.0 };
-            let steps: Vec<f64> = number.iter().enumerate().map(here).collect();
+            let here = |(number, acts): (&usize, &f64)| f64::from(u8::from(*number == own)) * acts;
+            let steps: Vec<f64> = number.iter().zip(&active).map(here).collect();
             if steps.contains(&1.0) {
                 found.push((behavior, steps.contains(&0.0).then_some(steps)));
             }
