@@ -19,11 +19,10 @@ mod petsc {
     /// What of PETSc is called, with all types that this needs.
     const FUNCTIONS: [&str; 3] = [
         "Petsc(Initialized|InitializeNoArguments|Finalize|ErrorMessage|PushErrorHandler|GetVersionNumber|OptionsHasName|OptionsSetValue)",
-        "Mat(Create|SetSizes|SetBlockSize|SetType|SetOption|SeqAIJSetPreallocation|MPIAIJSetPreallocation|SetValuesBlocked|Assembly(Begin|End)|Mult|(Get|Restore)Row|CreateVecs|SetNearNullSpace|GetSize|Destroy|NullSpace(CreateRigidBody|Destroy))",
-        "(Vec(CreateGhostBlock|SetBlockSize|(Get|Restore)Array|GetLocalSize|Set|Ghost(Update(Begin|End)|(Get|Restore)LocalForm)|Destroy)|PC(Create|SetType|SetOptionsPrefix|SetOperators|SetFromOptions|SetUp|GetFailedReason|Apply|GetType|MGGetLevels|MGGetSmoother|Destroy)|KSPGetOperators)",
+        "Mat(Create|SetSizes|SetBlockSize|SetType|SetOption|SeqAIJSetPreallocation|MPIAIJSetPreallocation|SetValuesBlocked|Assembly(Begin|End)|CreateVecs|SetNearNullSpace|GetSize|Destroy|NullSpace(Create|Destroy))",
+        "(Vec((Get|Restore)Array|GetLocalSize|Set|Destroy)|PC(Create|SetOptionsPrefix|SetOperators|SetFromOptions|SetUp|GetFailedReason|Apply|GetType|MGGetLevels|MGGetSmoother|Destroy)|KSPGetOperators)",
     ];
-    const CONSTANTS: &str =
-        "(InsertMode|MatAssemblyType|MatOption|ScatterMode|PetscErrorType|PCFailedReason)_.*";
+    const CONSTANTS: &str = "(InsertMode|MatAssemblyType|MatOption|PetscErrorType)_.*";
 
     /// What to install where something is missing.
     const INSTALL: &str = "on Debian: apt-get install libopenmpi-dev openmpi-bin libclang-dev libpetsc-real-dev; on a \
@@ -45,7 +44,7 @@ mod petsc {
         let mut builder = bindgen::builder()
             .header_contents("signorini-petsc.h", "#include <petscksp.h>\n")
             .allowlist_var(CONSTANTS)
-            .allowlist_type("MatOption|PetscErrorType|MatAssemblyType|InsertMode|ScatterMode")
+            .allowlist_type("MatOption|PetscErrorType|MatAssemblyType|InsertMode")
             .blocklist_type("MPI_Comm|ompi_communicator_t")
             .raw_line("use mpi::ffi::MPI_Comm;")
             .default_enum_style(bindgen::EnumVariation::Consts)

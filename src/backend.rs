@@ -310,6 +310,16 @@ pub trait Backend {
 
     /// A vector of `len` zeros for a multigrid level.
     fn level_vector(&mut self, len: usize) -> Result<Self::LevelVector, BackendError>;
+    /// Copies numbers of the host into a vector of a level.
+    fn write_level(&mut self, from: &[Self::Stored], to: &mut Self::LevelVector);
+    /// Copies a vector of a level to the host.
+    fn read_level(
+        &mut self,
+        from: &Self::LevelVector,
+        to: &mut [Self::Stored],
+    ) -> Result<(), BackendError>;
+    /// Whether the run is known to be over, so that work recorded for it would have no effect.
+    fn is_over(&self, state: &Self::State) -> bool;
     /// A matrix of a multigrid level.
     fn level_matrix(
         &mut self,

@@ -143,7 +143,7 @@ fn speeds<B: Backend, const D: usize>(
     let matrix_bytes = k.n_blocks() * (D * D * real + 4);
     // K p; p, q, x, r read and x, r written; r rounded; z read for the dot product and for the direction.
     let iteration_bytes = matrix_bytes + n * (11 * real + 12) + hierarchy.cycle_bytes();
-    let mut pcg = Pcg::with_hierarchy(backend, k, hierarchy)?;
+    let mut pcg = Pcg::with_hierarchy(backend, Arc::clone(k) as _, hierarchy)?;
     let set_up = start.elapsed().as_secs_f64();
 
     let tiny = crate::sparse::Csr::from_triplets(1, n, [(0, 0, 1.0)]);

@@ -360,7 +360,7 @@ fn started() -> Result<Started, String> {
     #[cfg(feature = "mpi")]
     let why = {
         let world = signorini::mpi::World::start()?;
-        if world.group().size() > 1 {
+        if world.group().size() > 1 || place.size == 1 {
             return Ok(Started::Together(world));
         }
         format!(

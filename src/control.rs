@@ -1,5 +1,6 @@
 //! Input and output of every loop: stopping, accuracy, costs.
 
+use crate::ranks::Ranks;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -21,20 +22,25 @@ pub struct Stop<'a> {
     pub deadline: Option<Instant>,
     /// As soon as this is set.
     pub interrupt: Option<&'a AtomicBool>,
+    /// Those that stop together: the clock of the first one decides, and the interrupt of any. They all have to ask.
+    pub(crate) ranks: Option<&'a Ranks>,
 }
 
 impl Stop<'_> {
     /// The reason to stop now, if there is one.
     pub fn now(&self) -> Option<Stopped> {
-        if self
-            .interrupt
-            .is_some_and(|flag| flag.load(Ordering::Relaxed))
-        {
-            Some(Stopped::Interrupted)
-        } else if self.deadline.is_some_and(|end| Instant::now() >= end) {
-            Some(Stopped::TimeLimit)
-        } else {
-            None
+        let mut interrupted = (self.interrupt).is_some_and(|flag| flag.load(Ordering::Relaxed));
+        let mut late = self.deadline.is_some_and(|end| Instant::now() >= end);
+        if let Some(ranks) = self.ranks {
+            late &= ranks.is_first();
+            let mut any = [interrupted, late].map(|here| f64::from(u8::from(here)));
+            ranks.sum(&mut any);
+            [interrupted, late] = any.map(|count| count > 0.0);
+        }
+        match (interrupted, late) {
+            (true, _) => Some(Stopped::Interrupted),
+            (_, true) => Some(Stopped::TimeLimit),
+            _ => None,
         }
     }
 }

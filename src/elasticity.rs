@@ -19,15 +19,15 @@ mod tests;
 mod unknowns;
 mod vertices;
 
-#[cfg(feature = "mpi")]
-pub(crate) use assembly::assemble_rows;
-pub(crate) use assembly::{add_block, free_forces, tangent_forces};
+pub(crate) use assembly::{add_block, assemble_rows, free_forces, tangent_forces};
 pub use assembly::{assemble, internal_forces, load_vector};
 pub(crate) use bedding::Bedding;
 pub use finite::{Deformed, Loose, Resistance};
 pub use stress::{Stress, cauchy_stresses, stresses, stresses_at};
 pub use unknowns::Unknowns;
 pub use vertices::vertices;
+#[cfg(feature = "mpi")]
+pub(crate) use vertices::vertices_of_rows;
 
 use crate::mesh::shape::Point;
 use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};

@@ -6,11 +6,14 @@
 
 #[cfg(feature = "mpi")]
 mod group;
+mod halo;
 
 #[cfg(feature = "mpi")]
 pub use group::Group;
+pub(crate) use halo::Halo;
 
 use crate::sparse::{norm, norm_max};
+use bytemuck::Pod;
 #[cfg(feature = "mpi")]
 use std::sync::Arc;
 
@@ -68,6 +71,72 @@ impl Ranks {
     /// Its largest absolute value; NaN if there is one.
     pub fn norm_max(&self, x: &[f64]) -> f64 {
         self.max(norm_max(x))
+    }
+
+    /// Whether there are no others.
+    pub fn is_alone(&self) -> bool {
+        #[cfg(feature = "mpi")]
+        return self.group.is_none();
+        #[cfg(not(feature = "mpi"))]
+        true
+    }
+
+    /// How many there are, including this one.
+    pub fn count(&self) -> usize {
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            return group.size();
+        }
+        1
+    }
+
+    /// Whether this is the first rank.
+    pub fn is_first(&self) -> bool {
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            return group.rank() == 0;
+        }
+        true
+    }
+
+    /// Whether this is true on any rank.
+    pub fn any(&self, here: bool) -> bool {
+        self.max(f64::from(u8::from(here))) > 0.0
+    }
+
+    /// The number of this rank, and the count of each.
+    pub fn counts(&self, here: usize) -> (usize, Vec<usize>) {
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            return (group.rank(), group.counts(here));
+        }
+        (0, vec![here])
+    }
+
+    /// Sends each rank its list, and returns those that the ranks have sent to this one.
+    pub fn lists(&self, to: Vec<Vec<u64>>) -> Vec<Vec<u64>> {
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            return group.lists(&to);
+        }
+        to
+    }
+
+    /// Sends values to ranks and receives others from them: `from` has the right lengths.
+    pub fn swap<T: Pod>(&self, _with: &[usize], _to: &[Vec<T>], _from: &mut [Vec<T>]) {
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            group.swap(_with, _to, _from);
+        }
+    }
+
+    /// The corners of the box around the points of all ranks, the lowest and the highest.
+    pub fn box_around<const D: usize>(&self, points: &[[f64; D]]) -> [[f64; D]; 2] {
+        let most = |c: usize, sign: f64| {
+            let here = points.iter().map(|x| sign * x[c]);
+            sign * self.max(here.fold(f64::NEG_INFINITY, f64::max))
+        };
+        [-1.0, 1.0].map(|sign| std::array::from_fn(|c| most(c, sign)))
     }
 
     /// The rows of all ranks, one rank after the other.

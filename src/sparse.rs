@@ -261,6 +261,15 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         self.n_block_cols * C
     }
 
+    /// The first block rows.
+    pub(crate) fn truncated(mut self, n_block_rows: usize) -> Self {
+        self.n_block_rows = n_block_rows;
+        self.row_ptr.truncate(n_block_rows + 1);
+        self.col_idx.truncate(self.row_ptr[n_block_rows]);
+        self.values.truncate(self.row_ptr[n_block_rows]);
+        self
+    }
+
     /// Block rows.
     pub fn n_block_rows(&self) -> usize {
         self.n_block_rows

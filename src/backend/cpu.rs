@@ -8,6 +8,7 @@ pub use levels::Diagonal;
 
 use super::{Backend, BackendError, Product, Progress, Run, block_is_full};
 use crate::control::Counters;
+use crate::ranks::Ranks;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, SquareBlocks};
 use crate::sparse::{Csr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
@@ -18,7 +19,27 @@ use std::sync::Arc;
 /// Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.
 #[derive(Debug, Default)]
 pub struct Cpu<S = f32> {
+    /// Those that have the other parts of the vectors.
+    ranks: Ranks,
     stored: PhantomData<S>,
+}
+
+impl<S> Cpu<S> {
+    /// For vectors that are on several ranks.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn on(ranks: &Ranks) -> Self {
+        Self {
+            ranks: ranks.clone(),
+            stored: PhantomData,
+        }
+    }
+
+    /// The sum of the results of parallel tasks, in their order, and over the ranks.
+    fn sum(&self, partials: &[f64]) -> f64 {
+        let mut sum = [partials.iter().sum()];
+        self.ranks.sum(&mut sum);
+        sum[0]
+    }
 }
 
 /// A [`Csr`] without its empty rows.
@@ -240,12 +261,12 @@ impl<S: Real> Backend for Cpu<S> {
                 dot(r, r)
             })
             .collect();
-        *state = State::started(partials.iter().sum(), run);
+        *state = State::started(self.sum(&partials), run);
     }
 
     fn multiply(&mut self, k: &Self::Matrix, p: &Vec<f64>, q: &mut Vec<f64>, state: &mut State) {
         if !state.done {
-            state.curves(k.multiply(p, q));
+            state.curves(self.sum(&[k.multiply(p, q)]));
         }
     }
 
@@ -277,7 +298,7 @@ impl<S: Real> Backend for Cpu<S> {
                 dot(r, r)
             })
             .collect();
-        state.stepped(partials.iter().sum());
+        state.stepped(self.sum(&partials));
     }
 
     fn direction(&mut self, r: &Vec<f64>, z: &Vec<S>, p: &mut Vec<f64>, state: &mut State) {
@@ -288,7 +309,7 @@ impl<S: Real> Backend for Cpu<S> {
             .zip(z.par_chunks(TASK))
             .map(|(r, z)| r.iter().zip(z).map(|(r, z)| r * z.to_f64()).sum())
             .collect();
-        let beta = state.turned(partials.iter().sum());
+        let beta = state.turned(self.sum(&partials));
         (p.par_chunks_mut(TASK))
             .zip(z.par_chunks(TASK))
             .for_each(|(p, z)| {
@@ -312,6 +333,19 @@ impl<S: Real> Backend for Cpu<S> {
 
     fn level_vector(&mut self, len: usize) -> Result<Vec<S>, BackendError> {
         Ok(vec![S::default(); len])
+    }
+
+    fn write_level(&mut self, from: &[S], to: &mut Vec<S>) {
+        to.copy_from_slice(from);
+    }
+
+    fn read_level(&mut self, from: &Vec<S>, to: &mut [S]) -> Result<(), BackendError> {
+        to.copy_from_slice(from);
+        Ok(())
+    }
+
+    fn is_over(&self, state: &State) -> bool {
+        state.done
     }
 
     fn level_matrix(&mut self, m: BlockMatrix<S>) -> Result<LevelMatrix<S>, BackendError> {

@@ -475,6 +475,39 @@ impl Backend for Gpu {
         self.zeros("vector of a level", len, 4).map(LevelVector)
     }
 
+    fn write_level(&mut self, from: &[f32], to: &mut LevelVector) {
+        assert_eq!(from.len(), to.0.len);
+        // Writes take effect before all commands of the next submission.
+        self.submit(None);
+        for segment in &to.0.segments {
+            let bytes = bytemuck::cast_slice(&from[segment.range.clone()]);
+            let buffer = &segment.data.buffer.buffer;
+            self.context.queue.write_buffer(buffer, 0, bytes);
+        }
+    }
+
+    fn read_level(&mut self, from: &LevelVector, to: &mut [f32]) -> Result<(), BackendError> {
+        assert_eq!(to.len(), from.0.len);
+        for segment in &from.0.segments {
+            let to = &mut to[segment.range.clone()];
+            for (i, to) in to.chunks_mut(PIECE_BYTES as usize / 4).enumerate() {
+                let wanted = Wanted {
+                    from: &segment.data,
+                    offset: i as u64 * PIECE_BYTES,
+                    bytes: 4 * to.len() as u64,
+                };
+                self.read(&[wanted], |bytes| {
+                    to.copy_from_slice(bytemuck::cast_slice(bytes));
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_over(&self, _: &State) -> bool {
+        false
+    }
+
     fn level_matrix(&mut self, m: BlockMatrix<f32>) -> Result<LevelMatrix, BackendError> {
         self.stored(&m)
     }

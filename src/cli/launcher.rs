@@ -12,16 +12,20 @@ const LAUNCHERS: [[&str; 2]; 4] = [
     ["SLURM_PROCID", "SLURM_STEP_NUM_TASKS"],
 ];
 
+/// With the value 1 a process by itself is a rank, so that the costs of a rank can be measured.
+const ALONE: &str = "SIGNORINI_RANKS";
+
 /// One of several processes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Its number.
     pub rank: usize,
-    /// The number of processes; more than one.
+    /// The number of processes.
     pub size: usize,
 }
 
-/// The place that the launcher passes; None without a launcher, and for a process that it started alone.
+/// The place that the launcher passes; None without a launcher, and for a process that it started alone, unless [`ALONE`] asks for
+/// one.
 pub fn place() -> Option<Place> {
     let number = |name: &str| env::var(name).ok()?.parse().ok();
     let place = LAUNCHERS.iter().find_map(|[rank, size]| {
@@ -30,5 +34,6 @@ pub fn place() -> Option<Place> {
             size: number(size)?,
         })
     });
-    place.filter(|place| place.size > 1)
+    let alone = || (number(ALONE) == Some(1)).then_some(Place { rank: 0, size: 1 });
+    place.filter(|place| place.size > 1).or_else(alone)
 }

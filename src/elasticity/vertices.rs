@@ -1,25 +1,31 @@
 //! The corners of second-order elements.
 
-use super::{Body, Deformed, Unknowns, assemble};
+use super::{Body, Deformed, Unknowns, assemble_rows};
 use crate::mesh::{Element, ElementKind, Mesh, Topology};
 use crate::problem::Vertices;
+use crate::ranks::Halo;
 use crate::sparse::BlockCsr;
 use std::sync::Arc;
 
-/// The dependence of the nodes of second-order elements on their corners, and the unknowns of the corners; None if all elements
-/// are of first order.
-fn corners_of<const D: usize>(
-    mesh: &Mesh<D>,
-    unknowns: &Unknowns<D>,
-) -> Option<(BlockCsr<D>, Unknowns<D>)>
+fn is_of_second_order<const D: usize>(element: &Element<D>) -> bool
 where
     ElementKind: Topology<D>,
 {
-    let second = |element: &&Element<D>| element.kind().order() == 2;
-    mesh.elements.iter().find(second)?;
+    element.kind().order() == 2
+}
+
+/// The dependence of the nodes of second-order elements on their corners, and the unknowns of the corners.
+fn corners_of<const D: usize>(mesh: &Mesh<D>, unknowns: &Unknowns<D>) -> (BlockCsr<D>, Unknowns<D>)
+where
+    ElementKind: Topology<D>,
+{
     // The corners on either side of a midside node; it may be in the middle of many elements, and is the same in all.
     let mut of_node: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
-    for element in mesh.elements.iter().filter(second) {
+    for element in mesh
+        .elements
+        .iter()
+        .filter(|element| is_of_second_order(element))
+    {
         let (kind, nodes) = (element.kind(), element.nodes());
         for (&node, of) in nodes[kind.n_corners()..].iter().zip(kind.middles()) {
             let corners = &mut of_node[node as usize];
@@ -78,7 +84,7 @@ where
         columns,
         blocks,
     );
-    Some((prolongation, corners))
+    (prolongation, corners)
 }
 
 /// The dependence of the nodes of second-order elements on their corners, with the stiffness matrix of first-order elements on
@@ -88,13 +94,48 @@ pub fn vertices<const D: usize>(body: &Body<D>, unknowns: &Unknowns<D>) -> Optio
 where
     ElementKind: Topology<D>,
 {
-    let mesh = body.mesh;
-    let (prolongation, corners) = corners_of(mesh, unknowns)?;
-    let projected = body
-        .materials
-        .iter()
-        .any(|material| material.is_projected(body.plane));
-    let stiffness = (!projected).then(|| {
+    let alone = Halo::alone(unknowns.n_blocks());
+    vertices_of_rows(body, unknowns, &alone, true).map(|(vertices, _)| vertices)
+}
+
+/// The same of the rows of K on a rank, with the halo of their corners; None also if the ranks see different corners, where
+/// elements of both orders meet. If K is not that of the body alone, the matrix of the corners is not `assembled`.
+pub(crate) fn vertices_of_rows<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    nodes: &Halo,
+    assembled: bool,
+) -> Option<(Vertices<D>, Halo)>
+where
+    ElementKind: Topology<D>,
+{
+    /// The number of a node that is not a corner.
+    const NONE: u64 = u64::MAX;
+    let (mesh, ranks) = (body.mesh, nodes.ranks());
+    if !ranks.any(mesh.elements.iter().any(is_of_second_order)) {
+        return None;
+    }
+    let (prolongation, corners) = corners_of(mesh, unknowns);
+    let block = |corner: usize| unknowns.block(corners.node(corner));
+    let is_own =
+        |corner: &usize| block(*corner).is_some_and(|block| (block as usize) < nodes.own());
+    let count = (0..corners.n_blocks()).take_while(is_own).count();
+    let own = nodes.of_own(count);
+    let mut numbers = vec![NONE; nodes.own()];
+    for corner in 0..count {
+        if let Some(block) = block(corner) {
+            numbers[block as usize] = own.number(corner);
+        }
+    }
+    let numbers = nodes.extended(1, numbers);
+    let others: Vec<u64> = (count..corners.n_blocks())
+        .map(|corner| block(corner).map_or(NONE, |block| numbers[block as usize]))
+        .collect();
+    if ranks.any(others.contains(&NONE)) {
+        return None;
+    }
+    let projected = (body.materials.iter()).any(|material| material.is_projected(body.plane));
+    let stiffness = (assembled && !projected).then(|| {
         let linear = Mesh {
             nodes: mesh.nodes.clone(),
             elements: mesh.elements.iter().map(Element::linear).collect(),
@@ -105,22 +146,20 @@ where
             faults: Default::default(),
             notes: Default::default(),
         };
-        let nothing = vec![[0.0; D]; mesh.nodes.len()];
-        assemble(
-            &Body {
-                mesh: &linear,
-                ..*body
-            },
-            &corners,
-            &nothing,
-        )
-        .0
+        let linear = Body {
+            mesh: &linear,
+            ..*body
+        };
+        assemble_rows(&linear, &corners, count)
     });
-    Some(Vertices {
-        prolongation,
+    let mut points = corners.coordinates(mesh);
+    points.truncate(count);
+    let vertices = Vertices {
+        prolongation: prolongation.truncated(nodes.own()),
         stiffness,
-        points: corners.coordinates(mesh),
-    })
+        points,
+    };
+    Some((vertices, Halo::new(ranks, count, others)))
 }
 
 impl<const D: usize> Deformed<'_, D>
@@ -129,7 +168,8 @@ where
 {
     /// The same where the bodies are: the matrix of the corners is made from the tangent.
     pub(crate) fn vertices(&self, unknowns: &Unknowns<D>) -> Option<Vertices<D>> {
-        let (prolongation, corners) = corners_of(self.body.mesh, unknowns)?;
+        (self.body.mesh.elements.iter()).find(|element| is_of_second_order(element))?;
+        let (prolongation, corners) = corners_of(self.body.mesh, unknowns);
         let mut points = corners.coordinates(self.body.mesh);
         for (block, point) in points.iter_mut().enumerate() {
             let moved = self.displacement[corners.node(block) as usize];

@@ -1,12 +1,11 @@
 //! Problems from matrices: rows of K where they are, and a problem of one machine divided.
 
 use super::partition;
-use super::petsc::Ghosts;
 use super::share::{MpiError, agreed, coefficients};
 use crate::mesh::Groups;
 use crate::model::share::Graph;
 use crate::problem::{ContactProblem, FloatingBodies, LoadCase, Motions};
-use crate::ranks::{Group, Ranks};
+use crate::ranks::{Group, Halo, Ranks};
 use crate::sparse::{BlockCsr, Csr};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -171,7 +170,7 @@ impl<const D: usize> OwnMatrices<D> {
             D * (blocks + ghosts.len()),
             entries.map(|(row, k)| (row, local(self.columns[k]), self.values[k])),
         );
-        let parts = connected(group, &rows, first / d, &ghosts)?;
+        let parts = connected(ranks, &rows, first / d, &ghosts);
         let has_points = !group.any(self.coordinates.is_none());
         let coordinates = self.coordinates.filter(|_| has_points);
         let More {
@@ -222,11 +221,11 @@ impl<const D: usize> OwnMatrices<D> {
 
 /// The connected part of K that each own block belongs to, counted over all ranks.
 fn connected<const D: usize>(
-    group: &Group,
+    ranks: &Ranks,
     rows: &BlockCsr<D>,
     first: u64,
     ghosts: &[u64],
-) -> Result<Vec<u32>, MpiError> {
+) -> Vec<u32> {
     let own = rows.n_block_rows();
     let mut groups = Groups::new(rows.n_block_cols());
     for i in 0..own {
@@ -240,9 +239,9 @@ fn connected<const D: usize>(
     // Each group has the least of the labels that its blocks have had, those of others included, until none changes.
     let mut label: Vec<f64> = (0..own).map(|i| first as f64 + i as f64).collect();
     label.extend(ghosts.iter().map(|&ghost| ghost as f64));
-    let mut copies = Ghosts::new(group, 1, own, ghosts)?;
+    let halo = Halo::new(ranks, own, ghosts.to_vec());
     loop {
-        copies.update(&mut label)?;
+        halo.update(1, &mut label);
         let mut least: HashMap<u32, f64> = HashMap::new();
         for (i, &label) in (0..).zip(&label) {
             let held = least.entry(groups.of(i)).or_insert(label);
@@ -254,21 +253,21 @@ fn connected<const D: usize>(
             changed |= new != *label;
             *label = new;
         }
-        if !group.any(changed) {
+        if !ranks.any(changed) {
             break;
         }
     }
     // A label equal to a block's own number is that of a part.
     let own_label = |&(i, &label): &(usize, &f64)| label == first as f64 + i as f64;
-    let roots: Vec<f64> = label[..own]
+    let roots: Vec<[f64; 1]> = label[..own]
         .iter()
         .enumerate()
         .filter(own_label)
-        .map(|(_, &l)| l)
+        .map(|(_, &l)| [l])
         .collect();
-    let roots = group.joined(&roots);
-    let part = |label: &f64| roots.partition_point(|root| root < label) as u32;
-    Ok(label[..own].iter().map(part).collect())
+    let roots = ranks.joined(roots);
+    let part = |label: &f64| roots.partition_point(|[root]| root < label) as u32;
+    label[..own].iter().map(part).collect()
 }
 
 /// The part of a rank in a problem on one machine.

@@ -1,69 +1,63 @@
-//! A = B K⁻¹ Bᵀ with K on several ranks: conjugate gradients around PETSc's products and its multigrid.
+//! A = B K⁻¹ Bᵀ with K on several ranks: conjugate gradients around our own finest level of multigrid, over PETSc's levels.
 //!
 //! λ is on all ranks, K, u, f and the columns of B are where their unknowns are. A product needs no message for Bᵀλ, those of
-//! PETSc for K⁻¹, and one sum for B u.
+//! the halo and of PETSc for K⁻¹, and one sum for B u.
 
-use super::petsc::{self, Ghosts, Matrix, PetscError, Vector};
-use crate::backend::Run;
-use crate::backend::cpu::State;
-use crate::control::{Accuracy, Correction, Costs, SolveCounts, Stop, Stopped};
+use super::petsc::{self, PetscError};
+use crate::backend::cpu::Cpu;
+use crate::backend::{Backend as _, Run};
+use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DualError, DualOperator, followed_right_hand_side};
-use crate::problem::{ContactProblem, Elsewhere, LoadCase};
-use crate::ranks::{Group, Ranks};
-use crate::sparse::{BlockCsr, Csr, add_times, difference, dot};
-use crate::stiffness::pcg::{
-    ENERGY_GROWTH, Falls, GROWTH, PcgError, Preconditioner, UNREACHABLE, Watch, most_iterations,
-};
-use std::rc::Rc;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use crate::problem::{ContactProblem, Elsewhere, LoadCase, Vertices};
+use crate::ranks::{Group, Halo, Ranks};
+use crate::sparse::stored::SquareBlocks;
+use crate::sparse::{BlockCsr, Csr, add_times, difference};
+use crate::stiffness::amg::{AmgError, AmgSettings, Hierarchy, OnRanks, RowsBelow, SolverBelow};
+use crate::stiffness::pcg::{Pcg, PcgError, Preconditioner, UNREACHABLE};
+use std::cell::RefCell;
+use std::fmt;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// The number of refinements of a displacement for the sake of its ties, as on one machine.
 const MOST_PASSES: usize = 4;
 
-/// ‖r − αq‖² follows from sums made with pᵀq, up to the rounding of ‖r‖²: below this part of the last computed sum it is computed
-/// again, so that it has ten digits.
-const FAITHFUL: f64 = 1e-6;
-
-/// The prefix of the options of the preconditioner, and that of the fallback preconditioner.
+/// The prefix of the options.
 const PREFIX: &str = "signorini_";
-const FALLBACK: &str = "signorini_fallback_";
 
-/// All options of GAMG; its own defaults change from version to version. An aggregation without threshold, each smoothed once,
-/// coarsened twice as fast on the finest level; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc
-/// estimates by ten steps of CG; the coarsest level, of at most 1000 unknowns, on one rank by a factor. Jacobi is the only
-/// smoother that neither fails on coarse levels nor depends on the number of ranks.
-const OPTIONS: [(&str, &str); 25] = [
+/// All options of GAMG, which works on the level below our own; its own defaults change from version to version. An aggregation
+/// without threshold, each smoothed once; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc estimates by
+/// ten steps of CG; the coarsest level, of at most 1000 unknowns, on one rank by a factor. Jacobi is the only smoother that neither
+/// fails on coarse levels nor depends on the number of ranks.
+const OPTIONS: [(&str, &str); 24] = [
     ("-signorini_pc_type", "gamg"),
     ("-signorini_pc_gamg_type", "agg"),
     ("-signorini_pc_gamg_agg_nsmooths", "1"),
     ("-signorini_pc_gamg_threshold", "0.0"),
-    // The same by its names before and after 3.18.
-    ("-signorini_pc_gamg_square_graph", "1"),
-    ("-signorini_pc_gamg_aggressive_coarsening", "1"),
+    // The same by its names before and after 3.18. The level has few unknowns: iterations count more than its memory.
+    ("-signorini_pc_gamg_square_graph", "0"),
+    ("-signorini_pc_gamg_aggressive_coarsening", "0"),
     ("-signorini_pc_gamg_coarse_eq_limit", "1000"),
     ("-signorini_pc_gamg_process_eq_limit", "50"),
     ("-signorini_pc_gamg_repartition", "false"),
     ("-signorini_pc_gamg_reuse_interpolation", "true"),
     ("-signorini_pc_gamg_use_sa_esteig", "true"),
     // The other ways to make PᵀAP add up contributions of other ranks as they arrive: on four ranks coarse matrices, and with them
-    // the answer, then differ in the last bits from run to run. This way takes a fifth less memory, and three times as long.
+    // the answer, then differ in the last bits from run to run.
     ("-matptap_via", "allatonce_merged"),
     ("-signorini_pc_mg_type", "multiplicative"),
     ("-signorini_pc_mg_cycle_type", "v"),
     ("-signorini_mg_levels_ksp_type", "chebyshev"),
     ("-signorini_mg_levels_ksp_max_it", "2"),
     ("-signorini_mg_levels_ksp_norm_type", "none"),
-    ("-signorini_mg_levels_ksp_chebyshev_esteig", "0,0.05,0,1.1"),
+    ("-signorini_mg_levels_ksp_chebyshev_esteig", "0,0.1,0,1.1"),
     ("-signorini_mg_levels_esteig_ksp_type", "cg"),
     ("-signorini_mg_levels_esteig_ksp_max_it", "10"),
     ("-signorini_mg_levels_pc_type", "jacobi"),
     ("-signorini_mg_coarse_ksp_type", "preonly"),
     ("-signorini_mg_coarse_pc_type", "bjacobi"),
     ("-signorini_mg_coarse_sub_pc_type", "lu"),
-    // The inverse of the diagonal block of each node.
-    ("-signorini_fallback_pc_type", "pbjacobi"),
 ];
 
 /// The rows of K that belong to the unknowns of a rank.
@@ -71,12 +65,12 @@ pub(super) struct OwnRows<const D: usize> {
     /// Its block rows; block columns are its own blocks, then those of others (`ghosts`). Where bodies can move as a whole, with
     /// their ties.
     pub rows: BlockCsr<D>,
-    /// The number of its first block, where blocks are counted rank by rank.
-    pub first: u64,
-    /// The numbers of the blocks of others.
-    pub ghosts: Vec<u64>,
+    /// That of its blocks.
+    pub halo: Halo,
     /// Own unknowns tied to the ground, and how stiffly.
     pub ties: Vec<(u32, f64)>,
+    /// The corners of elements of second order, and their halo.
+    pub vertices: Option<(Vertices<D>, Halo)>,
 }
 
 /// When all ranks are to stop.
@@ -96,29 +90,18 @@ pub(super) struct Distributed {
     /// The f of the last load case, and its norm over all ranks.
     load: Arc<Vec<f64>>,
     load_norm: f64,
-    matrix: Rc<Matrix>,
-    preconditioner: petsc::Preconditioner,
-    /// Its description for a log, and the reason why it is not multigrid although that was requested.
+    /// With ties.
+    k: Arc<dyn SquareBlocks>,
+    pcg: Pcg<Cpu>,
+    /// Why PETSc has failed since the last run began.
+    failure: Arc<Mutex<Option<PetscError>>>,
+    /// The preconditioner for a log, and the reason why it is not multigrid although that was requested.
     about: String,
     fallback: Option<String>,
-    ghosts: Ghosts,
-    /// The numbers of the blocks of others, in their order, each with its place here.
-    places: Vec<(u64, u32)>,
-    first: u64,
-    block: usize,
     ties: Vec<(u32, f64)>,
-    /// Unknowns on all ranks.
-    n: usize,
-    x: Vector,
-    r: Vector,
-    p: Vector,
-    q: Vector,
-    z: Vector,
     /// u of the last gradient or displacement, the start for the next, and K⁻¹Bᵀp of the last product.
     u: Vec<f64>,
     product: Vec<f64>,
-    falls: Falls,
-    counts: SolveCounts,
     /// The stop; a product only asks whether its caller may be stopped at all.
     pub limits: Limits,
 }
@@ -129,109 +112,184 @@ impl From<PetscError> for DualError {
     }
 }
 
+/// The own rows of K with their halo: a square matrix of vectors that are on several ranks.
+struct Spread<const D: usize> {
+    rows: BlockCsr<D>,
+    halo: Halo,
+    /// A vector with copies.
+    x: Mutex<Vec<f64>>,
+}
+
+impl<const D: usize> Spread<D> {
+    /// The work on x with copies of the entries of others.
+    fn with<T>(&self, x: &[f64], work: impl FnOnce(&[f64]) -> T) -> T {
+        let mut extended = self.x.lock().unwrap_or_else(PoisonError::into_inner);
+        extended[..x.len()].copy_from_slice(x);
+        self.halo.update(D, &mut extended);
+        work(&extended)
+    }
+}
+
+impl<const D: usize> SquareBlocks for Spread<D> {
+    fn block(&self) -> usize {
+        D
+    }
+
+    fn row_ptr(&self) -> &[usize] {
+        self.rows.row_ptr()
+    }
+
+    fn col_idx(&self) -> &[u32] {
+        self.rows.col_idx()
+    }
+
+    fn entries(&self) -> &[f64] {
+        self.rows.entries()
+    }
+
+    fn multiply(&self, x: &[f64], y: &mut [f64]) -> f64 {
+        self.with(x, |x| self.rows.multiply(x, y))
+    }
+
+    fn subtract_product(&self, x: &[f64], y: &mut [f64]) {
+        self.with(x, |x| self.rows.subtract_product(x, y));
+    }
+
+    fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2] {
+        let s = self.halo.extended(D, s.to_vec());
+        self.with(x, |x| self.rows.multiply_with_sizes(x, &s))
+    }
+
+    fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64)) {
+        self.rows.for_entries(take);
+    }
+}
+
+/// The levels below the finest, by PETSc.
+struct Petsc {
+    preconditioner: Mutex<petsc::Preconditioner>,
+    failure: Arc<Mutex<Option<PetscError>>>,
+}
+
+impl fmt::Debug for Petsc {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("PETSc")
+    }
+}
+
+impl SolverBelow for Petsc {
+    fn solve(&self, r: &[f64], z: &mut [f64]) {
+        let mut preconditioner =
+            (self.preconditioner.lock()).unwrap_or_else(PoisonError::into_inner);
+        if let Err(error) = preconditioner.apply(r, z) {
+            z.fill(f64::NAN);
+            self.failure
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(error);
+        }
+    }
+}
+
 impl Distributed {
-    /// Passes K to PETSc and sets up the preconditioner.
+    /// Sets up multigrid, or block-Jacobi.
     pub fn new<const D: usize>(
         group: &Arc<Group>,
         problem: &ContactProblem<D, Elsewhere>,
         own: OwnRows<D>,
         preconditioner: Preconditioner,
-    ) -> Result<Self, PetscError> {
+    ) -> Result<Self, DualError> {
         petsc::set_options(&OPTIONS)?;
         let OwnRows {
             rows,
-            first,
-            ghosts: numbers,
+            halo,
             ties,
+            vertices,
         } = own;
-        let count = rows.n_block_rows();
-        let matrix = {
-            let number = |j: u32| match (j as usize).checked_sub(count) {
-                None => first + u64::from(j),
-                Some(ghost) => numbers[ghost],
-            };
-            let counts: Vec<[usize; 2]> = (0..count)
-                .map(|i| {
-                    let columns = rows.row(i).0;
-                    let here = columns.iter().filter(|&&j| (j as usize) < count).count();
-                    [here, columns.len() - here]
-                })
-                .collect();
-            let all: Vec<u64> = rows.col_idx().iter().map(|&j| number(j)).collect();
-            let starts = rows.row_ptr();
-            let filled = (0..count).map(|i| (&all[starts[i]..starts[i + 1]], rows.row(i).1));
-            Matrix::new(group, first as usize, &counts, filled)?
-        };
-        drop(rows);
-        let mut matrix = matrix;
-        if let Some(points) = problem.coordinates() {
-            matrix.set_points(points)?;
-        }
-        let matrix = Rc::new(matrix);
-        let (made, fallback) = match preconditioner {
-            Preconditioner::BlockJacobi => {
-                (petsc::Preconditioner::new(group, &matrix, FALLBACK), None)
-            }
-            Preconditioner::Multigrid => {
-                let made = petsc::Preconditioner::new(group, &matrix, PREFIX);
-                // A failure on one rank makes the others useless.
-                match group.any(made.is_err()) {
-                    false => (made, None),
-                    true => {
-                        let reason = made.map_or_else(|error| error.to_string(), |_| String::new());
-                        let reason = format!("multigrid could not be set up ({reason})");
-                        (
-                            petsc::Preconditioner::new(group, &matrix, FALLBACK),
-                            Some(reason),
-                        )
-                    }
+        let ranks = Ranks::of(group);
+        let (failure, below) = (Arc::default(), RefCell::new(String::new()));
+        let make = |rows: RowsBelow| -> Result<Arc<dyn SolverBelow>, AmgError> {
+            let made = petsc::Matrix::new(group, &rows)
+                .and_then(|matrix| petsc::Preconditioner::new(group, matrix, PREFIX))
+                .and_then(|made| Ok((made.kind()?, made.levels()?, made)));
+            // A failure on one rank makes the others useless.
+            match made {
+                Ok((kind, levels, made)) if !group.any(false) => {
+                    let levels: Vec<String> = levels.iter().map(usize::to_string).collect();
+                    *below.borrow_mut() = format!(
+                        "{}: {kind}, levels of {} unknowns",
+                        petsc::version(),
+                        levels.join(", ")
+                    );
+                    Ok(Arc::new(Petsc {
+                        preconditioner: Mutex::new(made),
+                        failure: Arc::clone(&failure),
+                    }))
+                }
+                Ok(_) => Err(AmgError::Below("another rank has failed".to_owned())),
+                Err(error) => {
+                    group.any(true);
+                    Err(AmgError::Below(error.to_string()))
                 }
             }
         };
-        let made = made?;
-        let kind = made.kind()?;
-        let is_multigrid = kind == "gamg";
-        let about = if is_multigrid {
-            let levels: Vec<String> = made.levels()?.iter().map(usize::to_string).collect();
-            format!(
-                "{}: {kind}, levels of {} unknowns",
-                petsc::version(),
-                levels.join(", ")
+        let hierarchy = match preconditioner {
+            Preconditioner::BlockJacobi => Ok(None),
+            Preconditioner::Multigrid => Hierarchy::on_ranks(
+                &rows,
+                problem.coordinates(),
+                vertices.as_ref().map(|(vertices, _)| vertices),
+                &AmgSettings::of_dimension(D),
+                OnRanks {
+                    nodes: &halo,
+                    corners: vertices.as_ref().map(|(_, halo)| halo),
+                    below: &make,
+                },
             )
-        } else {
-            format!("{}: {kind}", petsc::version())
+            .map(Some),
         };
-        let mut places: Vec<(u64, u32)> = numbers.iter().copied().zip(count as u32..).collect();
-        places.sort_unstable();
-        let ranks = Ranks::of(group);
-        let mut n = [(D * count) as f64];
+        let (hierarchy, fallback) = match hierarchy {
+            Ok(Some(hierarchy)) => (hierarchy, None),
+            Ok(None) => (
+                Hierarchy::block_jacobi_on(&rows, &ranks).map_err(PcgError::from)?,
+                None,
+            ),
+            Err(error @ (AmgError::Below(_) | AmgError::TooLarge)) => (
+                Hierarchy::block_jacobi_on(&rows, &ranks).map_err(PcgError::from)?,
+                Some(format!("multigrid could not be set up ({error})")),
+            ),
+            Err(error) => return Err(PcgError::from(error).into()),
+        };
+        let mut n = [rows.n_rows() as f64];
         ranks.sum(&mut n);
+        let about = match (hierarchy.is_multigrid(), hierarchy.sizes().len()) {
+            (false, _) => "block-Jacobi".to_owned(),
+            (true, 1) => below.into_inner(),
+            (true, _) => format!(
+                "own finest level of {} unknowns over {}",
+                n[0],
+                below.into_inner()
+            ),
+        };
+        let own = rows.n_rows();
+        let k: Arc<dyn SquareBlocks> = Arc::new(Spread {
+            x: Mutex::new(vec![0.0; rows.n_cols()]),
+            rows,
+            halo,
+        });
         Ok(Self {
             b: Arc::clone(problem.contact_matrix()),
             load: Arc::clone(problem.load_case().force()),
             load_norm: ranks.norm(problem.load_case().force()),
-            preconditioner: made,
+            pcg: Pcg::with_hierarchy(Cpu::on(&ranks), Arc::clone(&k), hierarchy)?,
+            k,
+            failure,
             about,
             fallback,
-            ghosts: Ghosts::new(group, D, count, &numbers)?,
-            places,
-            first,
-            block: D,
             ties,
-            n: n[0] as usize,
-            x: matrix.vector()?,
-            r: matrix.vector()?,
-            p: matrix.vector()?,
-            q: matrix.vector()?,
-            z: matrix.vector()?,
-            u: vec![0.0; D * count],
-            product: vec![0.0; D * count],
-            // GAMG leaves smooth errors that our own multigrid removes: with products that have them, contact takes up to twice the
-            // steps on stretched meshes.
-            falls: Falls::new(false, is_multigrid),
-            counts: SolveCounts::default(),
+            u: vec![0.0; own],
+            product: vec![0.0; own],
             limits: Limits::default(),
-            matrix,
             ranks,
             group: Arc::clone(group),
         })
@@ -240,13 +298,6 @@ impl Distributed {
     /// The operator for K⁻¹, for a log, and the reason why it is not multigrid although that was requested.
     pub fn about(&self) -> (&str, Option<&str>) {
         (&self.about, self.fallback.as_deref())
-    }
-
-    /// The sum of a number over the ranks.
-    fn sum(&self, value: f64) -> f64 {
-        let mut sum = [value];
-        self.ranks.sum(&mut sum);
-        sum[0]
     }
 
     /// Bᵀλ on the unknowns of this rank.
@@ -262,122 +313,41 @@ impl Distributed {
         self.ranks.sum(y);
     }
 
-    /// z ≈ K⁻¹r, and rᵀz.
-    fn precondition(&mut self) -> Result<f64, PetscError> {
-        self.preconditioner.apply(&self.r, &mut self.z)?;
-        let here = self.r.read(|r| self.z.read(|z| dot(r, z)))??;
-        Ok(self.sum(here))
-    }
-
-    /// q = K p; pᵀq, rᵀq and qᵀq, and why to stop, if the caller may be stopped: all in one sum.
-    fn multiply(&mut self, stop: &Stop) -> Result<([f64; 3], Option<Stopped>), PetscError> {
-        self.matrix.multiply(&self.p, &mut self.q)?;
-        let (p, q, r) = (&self.p, &self.q, &self.r);
-        let here = p.read(|p| q.read(|q| r.read(|r| [dot(p, q), dot(r, q), dot(q, q)])))???;
-        let [pq, rq, qq] = here;
-        let mut sums = [pq, rq, qq, 0.0, 0.0];
-        if stop.deadline.is_some() || stop.interrupt.is_some() {
-            let interrupt = self.limits.interrupt.as_ref();
-            sums[3] = f64::from(u8::from(
-                interrupt.is_some_and(|flag| flag.load(Ordering::Relaxed)),
-            ));
-            // Clocks differ: that of rank 0 counts.
-            let is_late = self
-                .limits
-                .deadline
-                .is_some_and(|end| Instant::now() >= end);
-            sums[4] = f64::from(u8::from(self.group.rank() == 0 && is_late));
-        }
-        self.ranks.sum(&mut sums);
-        let stopped = match sums {
-            [.., interrupts, _] if interrupts > 0.0 => Some(Stopped::Interrupted),
-            [.., late] if late > 0.0 => Some(Stopped::TimeLimit),
-            _ => None,
-        };
-        let [pq, rq, qq, ..] = sums;
-        Ok(([pq, rq, qq], stopped))
-    }
-
-    /// CG for K x = b from `x`, where `r` is b − K x; both with an entry per unknown of this rank, and `rr` is ‖r‖² over all ranks.
-    /// The result so far is in x, even after a failure. The steps and decisions are those of `stiffness::pcg`, checked after each
-    /// iteration.
+    /// CG for K x = b from `x`, where `r` is b − K x; both with an entry per unknown of this rank. The result so far is in x, even
+    /// after a failure. `stop` only tells whether the caller may be stopped at all.
     fn run(
         &mut self,
         r: &[f64],
-        rr: f64,
         x: &mut [f64],
         goals: Run,
         stop: &Stop,
     ) -> Result<Correction, DualError> {
-        self.counts.solves += 1;
-        self.r.write(|to| to.copy_from_slice(r))?;
-        self.x.write(|to| to.copy_from_slice(x))?;
-        let mut state = State::started(rr, goals);
-        let outcome = self.iterate(&mut state, stop);
-        self.x.read(|from| x.copy_from_slice(from))?;
-        let progress = state.progress();
-        self.counts.iterations += progress.iterations;
-        outcome?;
-        if goals.remaining > 0.0 || goals.remaining_part > 0.0 {
-            self.falls.learn(&progress);
+        let Self { pcg, limits, .. } = self;
+        pcg.counts.solves += 1;
+        pcg.backend.upload(r, &mut pcg.r);
+        pcg.backend.upload(x, &mut pcg.x);
+        let stop = match stop.deadline.is_some() || stop.interrupt.is_some() {
+            true => Stop {
+                deadline: limits.deadline,
+                interrupt: limits.interrupt.as_deref(),
+                ranks: Some(&self.ranks),
+            },
+            false => Stop::default(),
+        };
+        let goals = Run {
+            continues: true,
+            ..goals
+        };
+        let outcome = pcg.run(goals, &stop, None);
+        let read = pcg.backend.download(&pcg.x, x);
+        if let Some(error) = (self.failure.lock())
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
+        {
+            return Err(error.into());
         }
-        Ok(self.falls.followed(&progress, 1.0))
-    }
-
-    /// Iterates until a goal is reached.
-    fn iterate(&mut self, state: &mut State, stop: &Stop) -> Result<(), DualError> {
-        let mut watch = Watch::new(f64::EPSILON / 2.0);
-        let limit = most_iterations(self.n);
-        let mut first_energy = None;
-        // ‖r‖² where it was last added up.
-        let mut summed = state.progress().rr;
-        while !state.progress().done {
-            let rz = self.precondition()?;
-            let beta = state.turned(rz);
-            let (p, z) = (&mut self.p, &self.z);
-            z.read(|z| {
-                p.write(|p| {
-                    for (p, z) in p.iter_mut().zip(z) {
-                        *p = z + beta.map_or(0.0, |beta| beta * *p);
-                    }
-                })
-            })??;
-            let rr = state.progress().rr;
-            let ([curvature, rq, qq], stopped) = self.multiply(stop)?;
-            if let Some(stopped) = stopped {
-                return Err(DualError::Stopped(stopped));
-            }
-            state.curves(curvature);
-            let Some(alpha) = state.step() else {
-                return Err(PcgError::NotPositiveDefinite.into());
-            };
-            let (p, q) = (&self.p, &self.q);
-            p.read(|p| self.x.write(|x| add_times(alpha, p, x)))??;
-            q.read(|q| self.r.write(|r| add_times(-alpha, q, r)))??;
-            let mut rr = rr - alpha * (2.0 * rq - alpha * qq);
-            if !(rr > FAITHFUL * summed) {
-                let here = self.r.read(|r| dot(r, r))?;
-                rr = self.sum(here);
-                summed = rr;
-            }
-            state.stepped(rr);
-            let progress = state.progress();
-            let first_energy = *first_energy.get_or_insert(progress.energy);
-            if progress.energy > ENERGY_GROWTH * first_energy || !progress.rr.is_finite() {
-                return Err(PcgError::NotPositiveDefinite.into());
-            }
-            let grown = progress.rr > GROWTH * progress.rr_start;
-            let issued = progress.iterations;
-            if !progress.done && (watch.gets_nowhere(issued, &progress) || issued >= limit || grown)
-            {
-                return Err(DualError::Pcg(PcgError::Stalled {
-                    reached: (progress.rr / progress.rr_start).sqrt(),
-                    asked: (progress.goal / progress.rr_start).sqrt(),
-                    iterations: issued,
-                }));
-            }
-        }
-        Ok(())
+        read.map_err(PcgError::from)?;
+        Ok(pcg.followed(&outcome?, 1.0))
     }
 
     /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
@@ -395,15 +365,9 @@ impl Distributed {
         if along != 0.0 {
             add_times(-along, &self.product, &mut u);
         }
-        self.x.write(|x| x.copy_from_slice(&u))?;
-        self.matrix.multiply(&self.x, &mut self.q)?;
-        let inner = self.q.read(<[f64]>::to_vec)?;
         let mut r = difference(&self.load, &contact);
-        add_times(-1.0, &inner, &mut r);
-        let mut sums = [dot(&r, &r), dot(&contact, &contact)];
-        self.ranks.sum(&mut sums);
-        let [rr, contact] = sums;
-        let terms = self.load_norm.max(contact.sqrt());
+        self.k.subtract_product(&u, &mut r);
+        let terms = self.load_norm.max(self.ranks.norm(&contact));
         if terms == 0.0 {
             // The error that CG leaves in a vanishing u would have to shrink for ever.
             u.fill(0.0);
@@ -420,35 +384,13 @@ impl Distributed {
                 // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
                 // shrink from step to step.
                 residual: UNREACHABLE * terms,
-                ..self.falls.run_to(accuracy, 1.0)
+                ..self.pcg.run_to(accuracy, 1.0)
             },
         };
-        let outcome = self.run(&r, rr, &mut u, run, stop);
+        let outcome = self.run(&r, &mut u, run, stop);
         self.u = u;
         self.seen(&self.u, y);
         outcome
-    }
-
-    /// The place of the column with this number among own blocks and those of others.
-    fn place(&self, column: u64) -> usize {
-        let (block, part) = (column / self.block as u64, column as usize % self.block);
-        let own = self.u.len() / self.block;
-        let place = match block.checked_sub(self.first) {
-            Some(here) if (here as usize) < own => here as usize,
-            _ => {
-                let found = self.places.partition_point(|&(number, _)| number < block);
-                self.places[found].1 as usize
-            }
-        };
-        self.block * place + part
-    }
-
-    /// Own values with those of others that rows of K reach.
-    fn with_others(&mut self, own: &[f64]) -> Result<Vec<f64>, PetscError> {
-        let mut all = own.to_vec();
-        all.resize(own.len() + self.block * self.places.len(), 0.0);
-        self.ghosts.update(&mut all)?;
-        Ok(all)
     }
 }
 
@@ -467,9 +409,8 @@ impl DualOperator for Distributed {
         let forces = self.forces(p);
         let mut product = std::mem::take(&mut self.product);
         product.fill(0.0);
-        let run = self.falls.run_to(accuracy, 1.0);
-        let rr = self.sum(dot(&forces, &forces));
-        let outcome = self.run(&forces, rr, &mut product, run, stop);
+        let run = self.pcg.run_to(accuracy, 1.0);
+        let outcome = self.run(&forces, &mut product, run, stop);
         self.product = product;
         self.seen(&self.product, y);
         outcome.map(|_| ())
@@ -516,7 +457,9 @@ impl DualOperator for Distributed {
             self.follow(lambda, &mut y, 0.0, Accuracy::Residual(asked), stop)?;
             // An imbalance that CG leaves all over a body is held by its ties in a few places.
             let held = (self.ties.iter()).map(|&(i, tie)| (tie * self.u[i as usize]).powi(2));
-            if self.sum(held.sum()).sqrt() <= residual {
+            let mut held = [held.sum::<f64>()];
+            self.ranks.sum(&mut held);
+            if held[0].sqrt() <= residual {
                 break;
             }
             asked *= 0.1;
@@ -525,15 +468,7 @@ impl DualOperator for Distributed {
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
-        let (u, s) = (self.with_others(u)?, self.with_others(s)?);
-        let mut made = [vec![0.0; self.u.len()], vec![0.0; self.u.len()]];
-        self.matrix.for_rows(|row, columns, values| {
-            for (&column, value) in columns.iter().zip(values) {
-                let place = self.place(column as u64);
-                made[0][row] += value * u[place];
-                made[1][row] += value.abs() * s[place];
-            }
-        })?;
+        let mut made = self.k.multiply_with_sizes(u, s);
         for &(i, tie) in &self.ties {
             let i = i as usize;
             made[0][i] -= tie * u[i];
@@ -543,22 +478,21 @@ impl DualOperator for Distributed {
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
-        let (before, load) = (self.counts, Arc::clone(&self.load));
+        let (before, load) = (self.pcg.counts, Arc::clone(&self.load));
         let mut x = vec![0.0; load.len()];
         let run = Run {
             residual_part: tolerance,
             ..Run::default()
         };
-        let rr = self.load_norm.powi(2);
-        self.run(&load, rr, &mut x, run, &Stop::default())?;
-        let iterations = self.counts.iterations - before.iterations;
-        self.counts = before;
+        self.run(&load, &mut x, run, &Stop::default())?;
+        let iterations = self.pcg.counts.iterations - before.iterations;
+        self.pcg.counts = before;
         Ok(Some(iterations))
     }
 
     fn costs(&self) -> Option<Costs> {
         Some(Costs {
-            solves: self.counts,
+            solves: self.pcg.counts,
             ..Costs::default()
         })
     }

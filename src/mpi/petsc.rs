@@ -3,11 +3,12 @@
 //! `build.rs` writes the interface from PETSc's own headers. Every call is collective unless it is about local values.
 
 use crate::ranks::Group;
+use crate::sparse::{add_times, dot};
+use crate::stiffness::amg::RowsBelow;
 use mpi::traits::AsRaw;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::ptr::{null, null_mut};
-use std::rc::Rc;
 
 /// The interface as bindgen writes it.
 #[allow(
@@ -185,7 +186,7 @@ pub(super) fn set_options(options: &[(&str, &str)]) -> Result<(), PetscError> {
     Ok(())
 }
 
-/// A distributed vector with some blocks on each rank; as `Ghosts`, with copies of some blocks of others.
+/// A distributed vector with some blocks on each rank.
 pub(super) struct Vector {
     raw: sys::Vec,
 }
@@ -224,65 +225,9 @@ fn with_array<T>(raw: sys::Vec, work: impl FnOnce(&mut [f64]) -> T) -> Result<T,
     Ok(made)
 }
 
-/// Blocks of others that this rank has copies of.
-pub(super) struct Ghosts {
-    vector: Vector,
-    own: usize,
-}
-
-impl Ghosts {
-    /// Of so many own blocks and the blocks with these numbers, all counted rank by rank.
-    pub fn new(
-        group: &Group,
-        block: usize,
-        own: usize,
-        ghosts: &[u64],
-    ) -> Result<Self, PetscError> {
-        let numbers = ghosts.iter().map(|&ghost| int(ghost as usize));
-        let numbers = numbers.collect::<Result<Vec<Int>, _>>()?;
-        let mut raw = null_mut();
-        petsc!(VecCreateGhostBlock(
-            group.communicator().as_raw(),
-            int(block)?,
-            int(block * own)?,
-            DECIDE,
-            int(ghosts.len())?,
-            numbers.as_ptr(),
-            &mut raw,
-        ));
-        Ok(Self {
-            vector: Vector { raw },
-            own: block * own,
-        })
-    }
-
-    /// Updates the copies from their owners: the own values come first, the copies after them.
-    pub fn update(&mut self, values: &mut [f64]) -> Result<(), PetscError> {
-        let own = self.own;
-        self.vector.write(|to| to.copy_from_slice(&values[..own]))?;
-        let raw = self.vector.raw;
-        let (insert, forward) = (
-            sys::InsertMode_INSERT_VALUES,
-            sys::ScatterMode_SCATTER_FORWARD,
-        );
-        petsc!(VecGhostUpdateBegin(raw, insert, forward));
-        petsc!(VecGhostUpdateEnd(raw, insert, forward));
-        let mut local = null_mut();
-        petsc!(VecGhostGetLocalForm(raw, &mut local));
-        with_array(local, |from| values.copy_from_slice(from))?;
-        petsc!(VecGhostRestoreLocalForm(raw, &mut local));
-        Ok(())
-    }
-}
-
 /// A square matrix in blocks with some rows on each rank.
 pub(super) struct Matrix {
     raw: sys::Mat,
-    block: usize,
-    /// The first of its block rows.
-    first: usize,
-    /// Its block rows.
-    own: usize,
 }
 
 impl Drop for Matrix {
@@ -293,34 +238,29 @@ impl Drop for Matrix {
 }
 
 impl Matrix {
-    /// From the block rows of this rank, each with the numbers of its columns and the blocks there, by rows. `counts` has, for
-    /// each row, the number of its blocks in columns of own nodes and in others.
-    pub fn new<'a, const D: usize>(
-        group: &Group,
-        first: usize,
-        counts: &[[usize; 2]],
-        rows: impl Iterator<Item = (&'a [u64], &'a [[[f64; D]; D]])>,
-    ) -> Result<Self, PetscError> {
-        let own = counts.len();
+    /// From the block rows of this rank, with their near-null space.
+    pub fn new(group: &Group, rows: &RowsBelow) -> Result<Self, PetscError> {
+        let (block, own, first) = (rows.block, rows.halo.own(), rows.halo.first() as usize);
         let mut raw = null_mut();
         petsc!(MatCreate(group.communicator().as_raw(), &mut raw));
-        let matrix = Self {
-            raw,
-            block: D,
-            first,
-            own,
-        };
-        let local = int(D * own)?;
-        let decide = DECIDE;
-        petsc!(MatSetSizes(raw, local, local, decide, decide));
-        petsc!(MatSetBlockSize(raw, int(D)?));
+        let matrix = Self { raw };
+        let local = int(block * own)?;
+        petsc!(MatSetSizes(raw, local, local, DECIDE, DECIDE));
+        petsc!(MatSetBlockSize(raw, int(block)?));
         let kind = text("aij");
         petsc!(MatSetType(raw, kind.as_ptr()));
-        let entries = |which: usize| {
-            let each = counts.iter().flat_map(|count| [D * count[which]; D]);
-            each.map(int).collect::<Result<Vec<Int>, _>>()
+        let columns = |i: usize| &rows.col_idx[rows.row_ptr[i]..rows.row_ptr[i + 1]];
+        let entries = |is_own: bool| {
+            let each = (0..own).flat_map(|i| {
+                let blocks = columns(i)
+                    .iter()
+                    .filter(|&&j| ((j as usize) < own) == is_own);
+                let count = block * blocks.count();
+                std::iter::repeat_n(int(count), block)
+            });
+            each.collect::<Result<Vec<Int>, _>>()
         };
-        let (here, there) = (entries(0)?, entries(1)?);
+        let (here, there) = (entries(true)?, entries(false)?);
         petsc!(MatSeqAIJSetPreallocation(raw, 0, here.as_ptr()));
         petsc!(MatMPIAIJSetPreallocation(
             raw,
@@ -329,23 +269,28 @@ impl Matrix {
             0,
             there.as_ptr()
         ));
-        let (mut columns, mut values) = (Vec::new(), Vec::new());
-        for (row, (numbers, blocks)) in rows.enumerate() {
-            columns.clear();
-            for &number in numbers {
-                columns.push(int(number as usize)?);
+        let (mut numbers, mut values) = (Vec::new(), Vec::new());
+        for i in 0..own {
+            numbers.clear();
+            for &j in columns(i) {
+                numbers.push(int(rows.halo.number(j as usize) as usize)?);
             }
+            let size = block * block;
+            let blocks = &rows.entries[size * rows.row_ptr[i]..size * rows.row_ptr[i + 1]];
             values.clear();
-            for i in 0..D {
-                values.extend(blocks.iter().flat_map(|block| block[i]));
+            for row in 0..block {
+                let of_row = blocks
+                    .chunks(size)
+                    .flat_map(|entries| &entries[block * row..][..block]);
+                values.extend(of_row);
             }
-            let row = int(first + row)?;
+            let row = int(first + i)?;
             petsc!(MatSetValuesBlocked(
                 raw,
                 1,
                 &row,
-                int(columns.len())?,
-                columns.as_ptr(),
+                int(numbers.len())?,
+                numbers.as_ptr(),
                 values.as_ptr(),
                 sys::InsertMode_INSERT_VALUES,
             ));
@@ -356,6 +301,7 @@ impl Matrix {
         ));
         petsc!(MatAssemblyEnd(raw, sys::MatAssemblyType_MAT_FINAL_ASSEMBLY));
         petsc!(MatSetOption(raw, sys::MatOption_MAT_SPD, Flag::of(true)));
+        matrix.set_near_null_space(group, orthonormal(rows))?;
         Ok(matrix)
     }
 
@@ -368,63 +314,64 @@ impl Matrix {
         Ok(vector)
     }
 
-    /// y = K x.
-    pub fn multiply(&self, x: &Vector, y: &mut Vector) -> Result<(), PetscError> {
-        petsc!(MatMult(self.raw, x.raw, y.raw));
-        Ok(())
-    }
-
-    /// Passes the entries of each own row: its number among the own ones, the numbers of the columns, the values.
-    pub fn for_rows(&self, mut take: impl FnMut(usize, &[Int], &[f64])) -> Result<(), PetscError> {
-        for row in 0..self.block * self.own {
-            let number = int(self.block * self.first + row)?;
-            let (mut count, mut columns, mut values) = (0, null(), null());
-            petsc!(MatGetRow(
-                self.raw,
-                number,
-                &mut count,
-                &mut columns,
-                &mut values
-            ));
-            if count > 0 {
-                // SAFETY: PETSc guarantees so many numbers, until they are released.
-                let (columns, values) = unsafe {
-                    (
-                        std::slice::from_raw_parts(columns, count as usize),
-                        std::slice::from_raw_parts(values, count as usize),
-                    )
-                };
-                take(row, columns, values);
-            }
-            petsc!(MatRestoreRow(
-                self.raw,
-                number,
-                &mut count,
-                &mut columns,
-                &mut values
-            ));
+    /// Sets orthonormal vectors that it hardly changes.
+    fn set_near_null_space(&self, group: &Group, modes: Vec<Vec<f64>>) -> Result<(), PetscError> {
+        let mut vectors = Vec::new();
+        for mode in modes {
+            let mut vector = self.vector()?;
+            vector.write(|to| to.copy_from_slice(&mode))?;
+            vectors.push(vector);
         }
-        Ok(())
-    }
-
-    /// Sets the points of its block rows, which define its rigid-body motions.
-    pub fn set_points<const D: usize>(&mut self, points: &[[f64; D]]) -> Result<(), PetscError> {
-        let mut places = self.vector()?;
-        petsc!(VecSetBlockSize(places.raw, int(D)?));
-        places.write(|to| to.copy_from_slice(points.as_flattened()))?;
-        let mut modes = null_mut();
-        petsc!(MatNullSpaceCreateRigidBody(places.raw, &mut modes));
-        petsc!(MatSetNearNullSpace(self.raw, modes));
-        petsc!(MatNullSpaceDestroy(&mut modes));
+        let raw: Vec<sys::Vec> = vectors.iter().map(|vector| vector.raw).collect();
+        let mut space = null_mut();
+        petsc!(MatNullSpaceCreate(
+            group.communicator().as_raw(),
+            Flag::of(false),
+            int(raw.len())?,
+            raw.as_ptr(),
+            &mut space
+        ));
+        petsc!(MatSetNearNullSpace(self.raw, space));
+        petsc!(MatNullSpaceDestroy(&mut space));
         Ok(())
     }
 }
 
-/// z ≈ K⁻¹r.
+/// A mode whose part that is orthogonal to those before is below this part of it depends on them.
+const DEPENDENT: f64 = 1e-8;
+
+/// An orthonormal basis of the near-null space, by Gram–Schmidt, each vector twice.
+fn orthonormal(rows: &RowsBelow) -> Vec<Vec<f64>> {
+    let n = rows.block * rows.halo.own();
+    let mut count = [rows.modes.len() as f64, n as f64];
+    rows.halo.ranks().sum(&mut count);
+    let count = (count[0] / count[1]).round() as usize;
+    let ranks = rows.halo.ranks();
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
+    for k in 0..count {
+        let mut mode: Vec<f64> = rows.modes.iter().skip(k).step_by(count).copied().collect();
+        let full = ranks.norm(&mode);
+        for _ in 0..2 {
+            let mut parts: Vec<f64> = basis.iter().map(|v| dot(v, &mode)).collect();
+            ranks.sum(&mut parts);
+            (basis.iter().zip(parts)).for_each(|(v, part)| add_times(-part, v, &mut mode));
+        }
+        let left = ranks.norm(&mode);
+        if left > DEPENDENT * full {
+            mode.iter_mut().for_each(|v| *v /= left);
+            basis.push(mode);
+        }
+    }
+    basis
+}
+
+/// z ≈ A⁻¹r.
 pub(super) struct Preconditioner {
     raw: sys::PC,
     /// It must not outlive its matrix.
-    _matrix: Rc<Matrix>,
+    matrix: Matrix,
+    r: Vector,
+    z: Vector,
 }
 
 impl Drop for Preconditioner {
@@ -434,18 +381,24 @@ impl Drop for Preconditioner {
     }
 }
 
+// SAFETY: PETSc makes its calls in whichever thread asks, and ranks make collective calls in one order, one at a time, as
+// `crate::ranks::Group` has it.
+unsafe impl Send for Preconditioner {}
+
 impl Preconditioner {
     /// With the options of this prefix.
-    pub fn new(group: &Group, matrix: &Rc<Matrix>, prefix: &str) -> Result<Self, PetscError> {
+    pub fn new(group: &Group, matrix: Matrix, prefix: &str) -> Result<Self, PetscError> {
         let mut raw = null_mut();
         petsc!(PCCreate(group.communicator().as_raw(), &mut raw));
         let made = Self {
             raw,
-            _matrix: Rc::clone(matrix),
+            r: matrix.vector()?,
+            z: matrix.vector()?,
+            matrix,
         };
         let prefix = text(prefix);
         petsc!(PCSetOptionsPrefix(raw, prefix.as_ptr()));
-        petsc!(PCSetOperators(raw, matrix.raw, matrix.raw));
+        petsc!(PCSetOperators(raw, made.matrix.raw, made.matrix.raw));
         petsc!(PCSetFromOptions(raw));
         petsc!(PCSetUp(raw));
         let mut failed = 0;
@@ -458,10 +411,11 @@ impl Preconditioner {
         Ok(made)
     }
 
-    /// z ≈ K⁻¹r.
-    pub fn apply(&self, r: &Vector, z: &mut Vector) -> Result<(), PetscError> {
-        petsc!(PCApply(self.raw, r.raw, z.raw));
-        Ok(())
+    /// z ≈ A⁻¹r.
+    pub fn apply(&mut self, r: &[f64], z: &mut [f64]) -> Result<(), PetscError> {
+        self.r.write(|to| to.copy_from_slice(r))?;
+        petsc!(PCApply(self.raw, self.r.raw, self.z.raw));
+        self.z.read(|from| z.copy_from_slice(from))
     }
 
     /// Its kind, in the words of the options.

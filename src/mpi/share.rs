@@ -3,17 +3,17 @@
 use super::matrices::{self, More, OwnMatrices};
 use super::operator::{Distributed, Limits, OwnRows};
 use super::partition;
-use super::petsc::{self, Ghosts, PetscError};
+use super::petsc::{self, PetscError};
 use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::{DualError, DualOperator as _};
-use crate::elasticity::assemble_rows;
+use crate::elasticity::{assemble_rows, vertices_of_rows};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::share::{Common, Cut, Graph, Part, Received};
 use crate::model::{Cycles, Draft, ModelError};
 use crate::problem::{self, AnyProblem, ContactProblem, Elsewhere, LoadCase, System};
 use crate::quasistatic::{State, StepSettings};
-use crate::ranks::{Group, Ranks};
+use crate::ranks::{Group, Halo, Ranks};
 use crate::solve::{self, Event, Plan, make_steps};
 use crate::sparse::BlockCsr;
 use crate::ssnm::RecycledSubspace;
@@ -42,6 +42,9 @@ pub enum MpiError {
     /// PETSc has failed, perhaps only on this rank: end all of them.
     #[error(transparent)]
     Petsc(#[from] PetscError),
+    /// K⁻¹ could not be set up. On all ranks, unless PETSc has failed.
+    #[error(transparent)]
+    Operator(#[from] DualError),
     /// A load step could not be made. On all ranks, unless PETSc has failed.
     #[error(transparent)]
     Solve(#[from] solve::Error),
@@ -55,13 +58,14 @@ pub enum MpiError {
 impl MpiError {
     /// Whether other ranks may not know of it, and wait.
     pub fn is_of_one_rank(&self) -> bool {
-        let Self::Solve(solve::Error::Step(step)) = self else {
-            return matches!(self, Self::Petsc(_));
-        };
-        matches!(
-            &step.error.cause,
-            crate::ssnm::Cause::Operator(DualError::Other(_))
-        )
+        match self {
+            Self::Petsc(_) | Self::Operator(DualError::Other(_)) => true,
+            Self::Solve(solve::Error::Step(step)) => matches!(
+                &step.error.cause,
+                crate::ssnm::Cause::Operator(DualError::Other(_))
+            ),
+            _ => false,
+        }
     }
 }
 
@@ -246,10 +250,14 @@ where
         group.any(false);
         division.assembly = start.elapsed().as_secs_f64();
         let start = Instant::now();
+        let halo = Halo::new(&ranks, own, received.part.ghost_blocks.clone());
+        // The corners of tied nodes may be of other ranks: their matrix is then made from K.
+        let is_tied = ranks.any(!ties.is_empty());
+        let elastic = &received.elastic;
         let own_rows = OwnRows {
+            vertices: vertices_of_rows(&elastic.body(), &elastic.unknowns, &halo, !is_tied),
             rows,
-            first: received.part.first_block,
-            ghosts: received.part.ghost_blocks.clone(),
+            halo,
             ties,
         };
         let dual = Distributed::new(group, &problem, own_rows, preconditioner)?;
@@ -336,10 +344,10 @@ where
             .map(|block| block as u32)
             .collect();
         let own_rows = OwnRows {
+            halo: Halo::new(&ranks, rows.n_block_rows(), made.ghosts),
             rows,
-            first: made.first,
-            ghosts: made.ghosts,
             ties,
+            vertices: None,
         };
         let dual = Distributed::new(group, &problem, own_rows, preconditioner)?;
         division.setup = start.elapsed().as_secs_f64();
@@ -568,10 +576,10 @@ impl AnyShare {
 
 /// Values of nodes with those of others: a vector per node.
 pub(super) fn completed<const N: usize>(
-    group: &Group,
+    group: &Arc<Group>,
     own: usize,
     ghosts: &[u64],
     values: &mut [[f64; N]],
-) -> Result<(), PetscError> {
-    Ghosts::new(group, N, own, ghosts)?.update(values.as_flattened_mut())
+) {
+    Halo::new(&Ranks::of(group), own, ghosts.to_vec()).update(N, values.as_flattened_mut());
 }

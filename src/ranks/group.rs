@@ -1,7 +1,9 @@
 //! A group of ranks: an MPI communicator with its operations.
 
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
+use mpi::request::multiple_scope;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 use serde::Serialize;
@@ -139,6 +141,36 @@ impl Group {
     pub(crate) fn counts(&self, here: usize) -> Vec<usize> {
         let all = self.joined(&[here as f64]);
         all.into_iter().map(|count| count as usize).collect()
+    }
+
+    /// Sends each rank its list, and returns those that the ranks have sent to this one.
+    pub(crate) fn lists(&self, to: &[Vec<u64>]) -> Vec<Vec<u64>> {
+        let counts: Vec<u64> = to.iter().map(|list| list.len() as u64).collect();
+        let mut others = vec![0u64; self.size()];
+        self.world.all_to_all_into(&counts[..], &mut others[..]);
+        let mut from: Vec<Vec<u64>> = others.iter().map(|&n| vec![0; n as usize]).collect();
+        let all: Vec<usize> = (0..self.size()).collect();
+        self.swap(&all, to, &mut from);
+        from
+    }
+
+    /// Sends values to ranks and receives others from them: `from` has the right lengths.
+    pub(crate) fn swap<T: Pod>(&self, with: &[usize], to: &[Vec<T>], from: &mut [Vec<T>]) {
+        multiple_scope(2 * with.len(), |scope, requests| {
+            for (&rank, values) in with.iter().zip(from) {
+                let other = self.world.process_at_rank(rank as i32);
+                for part in cast_slice_mut::<T, u8>(values).chunks_mut(MESSAGE) {
+                    requests.add(other.immediate_receive_into(scope, part));
+                }
+            }
+            for (&rank, values) in with.iter().zip(to) {
+                let other = self.world.process_at_rank(rank as i32);
+                for part in cast_slice::<T, u8>(values).chunks(MESSAGE) {
+                    requests.add(other.immediate_send(scope, part));
+                }
+            }
+            requests.wait_all(&mut Vec::new());
+        });
     }
 
     /// Waits for all ranks.

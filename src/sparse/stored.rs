@@ -17,7 +17,7 @@ pub trait Real:
     + Sub<Output = Self>
     + Mul<Output = Self>
     + AddAssign
-    + 'static
+    + bytemuck::Pod
 {
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
@@ -100,7 +100,7 @@ impl<const B: usize> SquareBlocks for BlockCsr<B> {
     }
 
     fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2] {
-        let [mut sums, mut sizes] = [x, s].map(|v| vec![0.0; v.len()]);
+        let [mut sums, mut sizes] = [(); 2].map(|()| vec![0.0; self.n_rows()]);
         (sums.par_chunks_mut(B).zip(sizes.par_chunks_mut(B)))
             .enumerate()
             .with_min_len(ROWS_PER_TASK)
@@ -155,6 +155,68 @@ impl<S: Real> BlockMatrix<S> {
             col_idx: matrix.col_idx().to_vec(),
             values: store(matrix.values().as_flattened().as_flattened(), scale),
         }
+    }
+
+    /// The blocks in the first block columns, in the memory of all, and those in the others, counted from there.
+    pub(crate) fn split_columns(mut self, columns: usize) -> (Self, Self) {
+        let size = self.block[0] * self.block[1];
+        let mut others = Self {
+            block: self.block,
+            n_block_cols: self.n_block_cols - columns,
+            row_ptr: vec![0],
+            col_idx: Vec::new(),
+            values: Vec::new(),
+        };
+        let (mut begin, mut kept) = (0, 0);
+        for i in 0..self.n_block_rows() {
+            let end = self.row_ptr[i + 1] as usize;
+            let here = self.col_idx[begin..end].partition_point(|&j| (j as usize) < columns);
+            let there = begin + here;
+            let beyond = self.col_idx[there..end].iter();
+            others.col_idx.extend(beyond.map(|j| j - columns as u32));
+            (others.values).extend_from_slice(&self.values[there * size..end * size]);
+            others.row_ptr.push(others.col_idx.len() as u32);
+            self.col_idx.copy_within(begin..there, kept);
+            (self.values).copy_within(begin * size..there * size, kept * size);
+            kept += here;
+            (self.row_ptr[i + 1], begin) = (kept as u32, end);
+        }
+        self.col_idx.truncate(kept);
+        self.values.truncate(kept * size);
+        self.col_idx.shrink_to_fit();
+        self.values.shrink_to_fit();
+        self.n_block_cols = columns;
+        (self, others)
+    }
+
+    /// The matrix that picks block rows of a vector with `n_block_cols`.
+    pub(crate) fn picks(block: usize, rows: &[u32], n_block_cols: usize) -> Self {
+        let identity = (0..block * block).map(|k| f64::from(u8::from(k % (block + 1) == 0)));
+        let identity: Vec<S> = identity.map(S::from_f64).collect();
+        Self {
+            block: [block; 2],
+            n_block_cols,
+            row_ptr: (0..=rows.len() as u32).collect(),
+            col_idx: rows.to_vec(),
+            values: identity.repeat(rows.len()),
+        }
+    }
+
+    /// The first block rows, and the others.
+    pub(crate) fn split_rows(mut self, rows: usize) -> (Self, Self) {
+        let size = self.block[0] * self.block[1];
+        let first = self.row_ptr[rows] as usize;
+        let others = Self {
+            block: self.block,
+            n_block_cols: self.n_block_cols,
+            row_ptr: (self.row_ptr[rows..].iter())
+                .map(|end| end - first as u32)
+                .collect(),
+            col_idx: self.col_idx.split_off(first),
+            values: self.values.split_off(size * first),
+        };
+        self.row_ptr.truncate(rows + 1);
+        (self, others)
     }
 
     /// The blocks on and above the diagonal, in the memory of all.

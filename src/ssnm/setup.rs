@@ -109,6 +109,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
             // A limit beyond the range of the clock counts as no limit.
             deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
             interrupt: settings.interrupt.as_deref(),
+            ranks: None,
         };
         // Forces that do not balance the bodies are not a usable start.
         let initial = warm.lambda.filter(|_| start.imbalance.is_empty());

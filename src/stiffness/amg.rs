@@ -38,10 +38,12 @@ mod tests;
 pub use cycle::Multigrid;
 
 use crate::problem::Vertices;
+use crate::ranks::{Halo, Ranks};
 use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Dense, Real, power_of_two_below, store};
 use setup::Skeleton;
 use std::fmt;
+use std::sync::Arc;
 
 /// Settings of the hierarchy; those of [`AmgSettings::of_dimension`] were measured, see the tests. The default is that of
 /// the plane.
@@ -166,6 +168,9 @@ pub enum AmgError {
         "the corners of second-order elements differ from those that the hierarchy was made for: make a new hierarchy"
     )]
     OtherCorners,
+    /// The levels below those of this hierarchy were not made.
+    #[error("the levels below the finest could not be made: {0}")]
+    Below(String),
     /// Indices have 32 bits.
     #[error("the stiffness matrix has too many entries for 32-bit indices")]
     TooLarge,
@@ -180,7 +185,55 @@ pub struct Level<S> {
     pub(crate) prolongation: BlockMatrix<S>,
     /// Pᵀ, stored for access by rows.
     pub(crate) restriction: BlockMatrix<S>,
+    /// The rows and columns of other ranks, if there are such.
+    pub(crate) beyond: Option<Beyond<S>>,
 }
+
+/// The part of a level that couples it to other ranks, where these matrices and those of [`Level`] are parts of the same.
+#[derive(Clone, Debug)]
+pub(crate) struct Beyond<S> {
+    /// The halo of its nodes, and A between own nodes and copies.
+    pub nodes: Halo,
+    pub matrix: BlockMatrix<S>,
+    /// The halo of the nodes of the coarser level, P from copies of them, and Pᵀ to copies.
+    pub coarse: Halo,
+    pub prolongation: BlockMatrix<S>,
+    pub restriction: BlockMatrix<S>,
+}
+
+/// A solver for a level whose rows are on several ranks.
+pub(crate) trait SolverBelow: fmt::Debug + Send + Sync {
+    /// z ≈ A⁻¹r, each with the entries of this rank. Collective. After a failure z is not a number.
+    fn solve(&self, r: &[f64], z: &mut [f64]);
+}
+
+/// The rows of a level that are on this rank, with its near-null space.
+#[cfg_attr(not(feature = "mpi"), expect(dead_code, reason = "PETSc reads them"))]
+pub(crate) struct RowsBelow<'a> {
+    /// Rows of a block.
+    pub block: usize,
+    /// The halo of the columns.
+    pub halo: &'a Halo,
+    /// The starts of the block rows among the blocks, their columns by their place in the halo, and the entries.
+    pub row_ptr: &'a [usize],
+    pub col_idx: &'a [u32],
+    pub entries: &'a [f64],
+    /// The values of all modes in each scalar row, one row after the other.
+    pub modes: &'a [f64],
+}
+
+/// The other ranks of a hierarchy.
+#[derive(Clone, Copy)]
+pub(crate) struct OnRanks<'a> {
+    /// The halo of the rows of K, and that of the corners of elements of second order.
+    pub nodes: &'a Halo,
+    pub corners: Option<&'a Halo>,
+    /// Makes the solver for the levels below.
+    pub below: &'a MakeBelow<'a>,
+}
+
+/// Makes a solver for rows on several ranks.
+pub(crate) type MakeBelow<'a> = dyn Fn(RowsBelow) -> Result<Arc<dyn SolverBelow>, AmgError> + 'a;
 
 /// A matrix and the Chebyshev iteration in D⁻¹A that smooths with it.
 #[derive(Clone, Debug)]
@@ -234,6 +287,17 @@ pub enum Coarse<S> {
     },
     /// More smoothing, if the coarsest level is too large for an inverse. A singular matrix is not detected then.
     Smoothed(Smoother<S>),
+    /// A solver on several ranks.
+    Below(Below),
+}
+
+/// A solver on several ranks for scale · A.
+#[derive(Clone, Debug)]
+pub struct Below {
+    solver: Arc<dyn SolverBelow>,
+    /// Unknowns of this rank.
+    unknowns: usize,
+    scale: f64,
 }
 
 /// The preconditioner M: one V-cycle on scale · K.
@@ -286,7 +350,8 @@ impl<S: Real> Hierarchy<S> {
         if k.n_blocks() > u32::MAX as usize / 2 {
             return Err(AmgError::TooLarge);
         }
-        Self::of_skeleton(Some(Skeleton::new(k, settings)), k, coordinates, vertices)
+        let skeleton = Skeleton::new(k, settings, &Ranks::default());
+        Self::of_skeleton(Some(skeleton), k, coordinates, vertices)
     }
 
     /// The hierarchy of a K with other values on the aggregates, the patches and the pattern of P of this one; the values of P,
@@ -303,6 +368,29 @@ impl<S: Real> Hierarchy<S> {
         Self::of_skeleton(self.skeleton.clone(), k, coordinates, vertices)
     }
 
+    /// The levels above that of a solver on several ranks, which have the rows of K; columns are own ones, then those of the halo.
+    /// Coordinates and corners are those of own rows. A small K, and one that cannot be coarsened, goes to that solver as it is.
+    /// Collective.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn on_ranks<const D: usize>(
+        k: &BlockCsr<D>,
+        coordinates: Option<&[[f64; D]]>,
+        vertices: Option<&Vertices<D>>,
+        settings: &AmgSettings,
+        others: OnRanks,
+    ) -> Result<Self, AmgError> {
+        let ranks = others.nodes.ranks();
+        if ranks.any(k.n_blocks() > u32::MAX as usize / 2) {
+            return Err(AmgError::TooLarge);
+        }
+        let skeleton = Skeleton::new(k, settings, ranks);
+        match (coordinates, D) {
+            (None, _) => skeleton.fill::<D, D, S>(k, None, None, Some(others)),
+            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices, Some(others)),
+            (Some(_), _) => skeleton.fill::<D, 6, S>(k, coordinates, vertices, Some(others)),
+        }
+    }
+
     fn of_skeleton<const D: usize>(
         skeleton: Option<Skeleton>,
         k: &BlockCsr<D>,
@@ -317,18 +405,25 @@ impl<S: Real> Hierarchy<S> {
                 found: points.len(),
                 expected: k.n_block_rows(),
             }),
-            (None, _) => skeleton.fill::<D, D, S>(k, None, None),
-            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices),
-            (Some(_), 3) => skeleton.fill::<D, 6, S>(k, coordinates, vertices),
+            (None, _) => skeleton.fill::<D, D, S>(k, None, None, None),
+            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices, None),
+            (Some(_), 3) => skeleton.fill::<D, 6, S>(k, coordinates, vertices, None),
             (Some(_), _) => Err(AmgError::Shape),
         }
     }
 
     /// Block-Jacobi: the inverses of the blocks on the diagonal.
     pub fn block_jacobi<const D: usize>(k: &BlockCsr<D>) -> Result<Self, AmgError> {
-        let scale = scale_of(k)?;
-        let inverse = smoother::inverse_diagonal(k)
-            .map_err(|node| AmgError::NotPositiveDefinite { node, block: D })?;
+        Self::block_jacobi_on(k, &Ranks::default())
+    }
+
+    /// The same of the rows of K on several ranks.
+    pub(crate) fn block_jacobi_on<const D: usize>(
+        k: &BlockCsr<D>,
+        ranks: &Ranks,
+    ) -> Result<Self, AmgError> {
+        let scale = scale_of(k, ranks)?;
+        let inverse = inverse_diagonal(k, ranks)?;
         Ok(Self {
             levels: Vec::new(),
             coarse: Coarse::Diagonal {
@@ -347,7 +442,12 @@ impl<S: Real> Hierarchy<S> {
             let [fine, coarse] = level.prolongation.block();
             coarse > fine
         };
-        (self.levels.is_empty() || self.levels.iter().any(has)) && self.is_multigrid()
+        match &self.coarse {
+            Coarse::Diagonal { .. } => false,
+            // Whatever the solver below does, it is not known to represent all smooth errors of K.
+            Coarse::Below(_) => self.levels.iter().any(has),
+            _ => self.levels.is_empty() || self.levels.iter().any(has),
+        }
     }
 
     /// Whether it is more than block-Jacobi.
@@ -365,8 +465,14 @@ impl<S: Real> Hierarchy<S> {
         let mut sizes: Vec<LevelSize> = (self.levels.iter())
             .map(|level| {
                 let size = smoothed(&level.smoother);
+                let beyond = level.beyond.as_ref().map_or(0, |beyond| {
+                    beyond.matrix.bytes() + beyond.prolongation.bytes() + beyond.restriction.bytes()
+                });
                 LevelSize {
-                    bytes: size.bytes + level.prolongation.bytes() + level.restriction.bytes(),
+                    bytes: size.bytes
+                        + level.prolongation.bytes()
+                        + level.restriction.bytes()
+                        + beyond,
                     ..size
                 }
             })
@@ -383,6 +489,11 @@ impl<S: Real> Hierarchy<S> {
                 bytes: size_of_val(&values[..]),
             },
             Coarse::Smoothed(smoother) => smoothed(smoother),
+            Coarse::Below(below) => LevelSize {
+                unknowns: below.unknowns,
+                entries: 0,
+                bytes: 0,
+            },
         });
         sizes
     }
@@ -422,6 +533,7 @@ impl<S: Real> Hierarchy<S> {
                     size_of_val(&values[..]) + 3 * vector(values.len() / block)
                 }
                 Coarse::Smoothed(smoother) => smoothing(smoother, smoother.steps.len(), true),
+                Coarse::Below(below) => 2 * vector(below.unknowns),
             }
     }
 
@@ -455,6 +567,7 @@ impl<S: Real> fmt::Display for Hierarchy<S> {
             Coarse::Inverse(_) => "inverse",
             Coarse::Diagonal { .. } => "block-Jacobi",
             Coarse::Smoothed(_) => "smoothing",
+            Coarse::Below(_) => "a solver on several ranks",
         };
         write!(
             f,
@@ -466,11 +579,24 @@ impl<S: Real> fmt::Display for Hierarchy<S> {
 }
 
 /// A power of two, so that scaling costs no digit, that brings the diagonal of K near one.
-fn scale_of<const D: usize>(k: &BlockCsr<D>) -> Result<f64, AmgError> {
-    let largest = k.diagonal().into_iter().fold(0.0, f64::max);
+fn scale_of<const D: usize>(k: &BlockCsr<D>, ranks: &Ranks) -> Result<f64, AmgError> {
+    let largest = ranks.max(k.diagonal().into_iter().fold(0.0, f64::max));
     if largest > 0.0 && largest.is_finite() {
         Ok(power_of_two_below(largest).recip())
     } else {
         Err(AmgError::NotPositiveDefinite { node: 0, block: D })
+    }
+}
+
+/// The inverses of the blocks of the nodes on the diagonal. An error on one rank is one on all.
+fn inverse_diagonal<const B: usize>(
+    a: &BlockCsr<B>,
+    ranks: &Ranks,
+) -> Result<Vec<[[f64; B]; B]>, AmgError> {
+    let inverse = smoother::inverse_diagonal(a)
+        .map_err(|node| AmgError::NotPositiveDefinite { node, block: B });
+    match ranks.any(inverse.is_err()) {
+        true => inverse.and(Err(AmgError::Singular)),
+        false => inverse,
     }
 }

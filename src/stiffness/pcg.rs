@@ -203,12 +203,8 @@ type Placed<B> = (
     <B as Backend>::State,
 );
 
-fn placed<B: Backend, const D: usize>(
-    backend: &mut B,
-    k: &Arc<BlockCsr<D>>,
-) -> Result<Placed<B>, PcgError> {
+fn placed<B: Backend>(backend: &mut B, k: Arc<dyn SquareBlocks>) -> Result<Placed<B>, PcgError> {
     let n = k.n_rows();
-    let k: Arc<dyn SquareBlocks> = Arc::clone(k) as _;
     let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
     let mut vector = || backend.vector(n);
     let vectors = [vector()?, vector()?, vector()?, vector()?];
@@ -237,7 +233,7 @@ impl<B: Backend> Pcg<B> {
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
         // Indispensable data come first: multigrid takes the rest.
-        let placed = placed(&mut backend, k)?;
+        let placed = placed(&mut backend, Arc::clone(k) as _)?;
         let mut fallback = None;
         if preconditioner == Preconditioner::Multigrid {
             let made =
@@ -258,9 +254,9 @@ impl<B: Backend> Pcg<B> {
     }
 
     /// As [`Pcg::new`], with a hierarchy made before.
-    pub fn with_hierarchy<const D: usize>(
+    pub fn with_hierarchy(
         mut backend: B,
-        k: &Arc<BlockCsr<D>>,
+        k: Arc<dyn SquareBlocks>,
         hierarchy: Hierarchy<B::Stored>,
     ) -> Result<Self, PcgError> {
         let placed = placed(&mut backend, k)?;
@@ -408,7 +404,7 @@ impl<B: Backend> Pcg<B> {
         let mut watch = Watch::new(backend.unit_roundoff());
         let mut first_energy = None;
         backend.start(r, x, preconditioner.r(), state, goals);
-        preconditioner.cycle(backend, state);
+        preconditioner.cycle(backend, state)?;
         backend.direction(r, preconditioner.z(), p, state);
         // More than it should take: a look too early costs more than an iteration without effect.
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
@@ -423,7 +419,7 @@ impl<B: Backend> Pcg<B> {
             for _ in 0..chunk {
                 backend.multiply(matrix, p, q, state);
                 backend.step(p, q, x, r, preconditioner.r(), state);
-                preconditioner.cycle(backend, state);
+                preconditioner.cycle(backend, state)?;
                 backend.direction(r, preconditioner.z(), p, state);
             }
             issued += chunk;

@@ -1,5 +1,6 @@
 //! Strongly connected nodes, and their grouping into aggregates.
 
+use crate::ranks::Halo;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -11,9 +12,10 @@ pub(super) const NONE: u32 = u32::MAX;
 /// smoother.
 #[derive(Clone, Debug)]
 pub(super) struct Groups {
-    /// The group of each node, or [`NONE`].
+    /// The group of each node, or [`NONE`]. Where there are other ranks, aggregates of copies of their nodes come after those of
+    /// own ones.
     pub of_node: Vec<u32>,
-    /// Number of groups.
+    /// Number of groups on this rank.
     pub count: usize,
 }
 
@@ -21,7 +23,7 @@ impl Groups {
     /// The nodes of each group, in their order: `members[start[i]..start[i + 1]]`.
     pub fn members(&self) -> (Vec<usize>, Vec<u32>) {
         let mut start = vec![0; self.count + 1];
-        for &group in self.of_node.iter().filter(|&&i| i != NONE) {
+        for &group in self.of_node.iter().filter(|&&i| (i as usize) < self.count) {
             start[group as usize + 1] += 1;
         }
         for i in 0..self.count {
@@ -30,7 +32,7 @@ impl Groups {
         let mut next = start.clone();
         let mut members = vec![0; start[self.count]];
         for (node, &group) in self.of_node.iter().enumerate() {
-            if group != NONE {
+            if (group as usize) < self.count {
                 members[next[group as usize]] = node as u32;
                 next[group as usize] += 1;
             }
@@ -94,6 +96,14 @@ impl Graph {
         })
     }
 
+    /// The same without ties to nodes of other ranks.
+    pub fn within(self, halo: &Halo) -> Self {
+        match halo.copies() {
+            0 => self,
+            _ => self.filtered(|_, j, _| (j as usize) < halo.own()),
+        }
+    }
+
     /// The strongest tie of each node, 0 without any.
     pub fn strongest(&self) -> Vec<f32> {
         (0..self.len())
@@ -111,11 +121,12 @@ const POSITIVE_PART: f64 = 0.5;
 /// of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is not a tie: such blocks
 /// couple nodes that do *not* hold each other, such as the far nodes of a flat bilinear element, and aggregates across
 /// them would represent no smooth error.
-pub(super) fn ties<const B: usize>(a: &BlockCsr<B>) -> Graph {
+pub(super) fn ties<const B: usize>(a: &BlockCsr<B>, halo: &Halo) -> Graph {
     let weight: Vec<f64> = (a.diagonal().into_par_iter())
         .with_min_len(ROWS_PER_TASK)
         .map(|v| 1.0 / v.sqrt())
         .collect();
+    let weight = halo.extended(B, weight);
     let weight = weight.as_chunks::<B>().0;
     Graph::collect(a.n_block_rows(), |i, row| {
         let (cols, blocks) = a.row(i);
@@ -151,7 +162,7 @@ pub(super) struct Strength {
 /// number does not matter.
 const PULL: f32 = 0.05;
 
-/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node. Where the points of the nodes are
+/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node, `points` and it with copies. Where the points of the nodes are
 /// known, strong and pulling ties are shorter than `reach` times the geometric mean of the shortest strong one of either
 /// node: in elements that are stretched in two directions, the ties along the diagonals are not weak, but long.
 pub(super) fn strength<const D: usize>(
@@ -160,9 +171,10 @@ pub(super) fn strength<const D: usize>(
     theta: f64,
     reach: f64,
     points: Option<&[[f64; D]]>,
+    halo: &Halo,
 ) -> Strength {
     let theta = theta as f32;
-    let largest = ties.strongest();
+    let largest = halo.extended(1, ties.strongest());
     let is_strong =
         |i: usize, j: u32, tie: f32| tie > theta * (largest[i] * largest[j as usize]).sqrt();
     let square = |i: usize, j: u32| match points {
@@ -180,6 +192,7 @@ pub(super) fn strength<const D: usize>(
         let strong = ties.of(i).iter().filter(|&&(j, tie)| is_strong(i, j, tie));
         strong.fold(f64::INFINITY, |least, &(j, _)| least.min(square(i, j)))
     });
+    let nearest = halo.extended(1, nearest);
     let most = per_node(&|i| {
         let pulls = ties.of(i).iter().map(|&(j, tie)| tie * weight[j as usize]);
         pulls.fold(0.0, f32::max).into()
@@ -198,11 +211,12 @@ pub(super) fn strength<const D: usize>(
     }
 }
 
-/// The root of `scale` times the stiffness of each node.
-pub(super) fn weights<const B: usize>(a: &BlockCsr<B>, scale: f64) -> Vec<f32> {
-    (a.diagonal().chunks(B))
+/// The root of `scale` times the stiffness of each node, copies included.
+pub(super) fn weights<const B: usize>(a: &BlockCsr<B>, scale: f64, halo: &Halo) -> Vec<f32> {
+    let own = (a.diagonal().chunks(B))
         .map(|d| (scale * d.iter().sum::<f64>()).sqrt() as f32)
-        .collect()
+        .collect();
+    halo.extended(1, own)
 }
 
 /// Nodes with so many strong neighbours are on a row of nodes.

@@ -1,17 +1,160 @@
 //! The V-cycle, written once for all backends.
 
 use super::setup::Skeleton;
-use super::{AmgError, Coarse, Hierarchy, Inverse, Level, Smoother};
+use super::{AmgError, Below, Beyond, Coarse, Hierarchy, Inverse, Level, Smoother};
 use crate::backend::{Backend, BackendError, Product};
 use crate::problem::Vertices;
+use crate::ranks::Halo;
 use crate::sparse::BlockCsr;
-use crate::sparse::stored::Real as _;
+use crate::sparse::stored::{BlockMatrix, Real};
+
+/// A matrix between vectors of a level and rows of other ranks.
+struct OtherRows<B: Backend> {
+    matrix: B::LevelMatrix,
+    /// The values of copies of their rows.
+    copies: B::LevelVector,
+}
+
+/// The part of a level matrix that couples own rows to those of other ranks.
+struct MatrixBeyond<B: Backend> {
+    /// A from copies to own rows.
+    reach: OtherRows<B>,
+    /// The right-hand side less its product.
+    b: B::LevelVector,
+    /// Picks the values that other ranks need, and these.
+    interface: OtherRows<B>,
+    halo: Halo,
+    /// Values of the interface and of copies on the host, and the number of values of a row.
+    values: Vec<B::Stored>,
+    width: usize,
+}
+
+impl<B: Backend> MatrixBeyond<B> {
+    fn new(
+        backend: &mut B,
+        nodes: &Halo,
+        matrix: BlockMatrix<B::Stored>,
+    ) -> Result<Self, BackendError> {
+        let [width, _] = matrix.block();
+        let (rows, halo) = nodes.interface();
+        Ok(Self {
+            b: backend.level_vector(matrix.n_rows())?,
+            reach: OtherRows {
+                copies: backend.level_vector(matrix.n_cols())?,
+                matrix: backend.level_matrix(matrix)?,
+            },
+            interface: OtherRows {
+                copies: backend.level_vector(width * rows.len())?,
+                matrix: backend.level_matrix(BlockMatrix::picks(width, &rows, nodes.own()))?,
+            },
+            values: vec![B::Stored::default(); width * (rows.len() + nodes.copies())],
+            halo,
+            width,
+        })
+    }
+
+    /// The right-hand side b − A x of own rows, with the columns of copies only.
+    fn remaining(
+        &mut self,
+        backend: &mut B,
+        state: &B::State,
+        b: &B::LevelVector,
+        x: &B::LevelVector,
+    ) -> Result<&B::LevelVector, BackendError> {
+        if !backend.is_over(state) {
+            let OtherRows { matrix, copies } = &mut self.interface;
+            backend.level_multiply(state, matrix, Product::Plain, x, x, copies);
+            let own = self.width * self.halo.own();
+            backend.read_level(copies, &mut self.values[..own])?;
+            self.halo.update(self.width, &mut self.values);
+            backend.write_level(&self.values[own..], &mut self.reach.copies);
+        }
+        let OtherRows { matrix, copies } = &self.reach;
+        backend.level_multiply(state, matrix, Product::Residual, b, copies, &mut self.b);
+        Ok(&self.b)
+    }
+}
+
+/// The part of P and Pᵀ that couples to nodes of the coarser level on other ranks.
+struct CoarseBeyond<B: Backend> {
+    halo: Halo,
+    width: usize,
+    prolongation: OtherRows<B>,
+    restriction: OtherRows<B>,
+    /// Values of own nodes and copies of the coarser level on the host.
+    values: Vec<B::Stored>,
+}
+
+impl<B: Backend> CoarseBeyond<B> {
+    fn new(
+        backend: &mut B,
+        halo: Halo,
+        prolongation: BlockMatrix<B::Stored>,
+        restriction: BlockMatrix<B::Stored>,
+    ) -> Result<Self, BackendError> {
+        let [_, width] = prolongation.block();
+        let mut other_rows = |matrix| {
+            Ok(OtherRows {
+                copies: backend.level_vector(width * halo.copies())?,
+                matrix: backend.level_matrix(matrix)?,
+            })
+        };
+        Ok(Self {
+            prolongation: other_rows(prolongation)?,
+            restriction: other_rows(restriction)?,
+            values: vec![B::Stored::default(); width * (halo.own() + halo.copies())],
+            halo,
+            width,
+        })
+    }
+
+    /// Adds to the restricted residual of own nodes those of other ranks, where d is the residual here.
+    fn restrict(
+        &mut self,
+        backend: &mut B,
+        state: &B::State,
+        d: &B::LevelVector,
+        coarse: &mut B::LevelVector,
+    ) -> Result<(), BackendError> {
+        let OtherRows { matrix, copies } = &mut self.restriction;
+        backend.level_multiply(state, matrix, Product::Plain, d, d, copies);
+        if backend.is_over(state) {
+            return Ok(());
+        }
+        let (own, there) = self.values.split_at_mut(self.width * self.halo.own());
+        backend.read_level(coarse, own)?;
+        backend.read_level(copies, there)?;
+        self.halo.add(self.width, there, own);
+        backend.write_level(own, coarse);
+        Ok(())
+    }
+
+    /// Adds the corrections of nodes of other ranks to x.
+    fn prolong(
+        &mut self,
+        backend: &mut B,
+        state: &B::State,
+        coarse: &B::LevelVector,
+        x: &mut B::LevelVector,
+    ) -> Result<(), BackendError> {
+        let OtherRows { matrix, copies } = &mut self.prolongation;
+        if !backend.is_over(state) {
+            let own = self.width * self.halo.own();
+            backend.read_level(coarse, &mut self.values[..own])?;
+            self.halo.update(self.width, &mut self.values);
+            backend.write_level(&self.values[own..], copies);
+        }
+        backend.level_multiply(state, matrix, Product::Added, copies, copies, x);
+        Ok(())
+    }
+}
 
 /// A matrix on a backend, and the Chebyshev iteration that smooths with it.
 struct SmootherThere<B: Backend> {
     matrix: B::LevelMatrix,
     inverse: InverseThere<B>,
     steps: Vec<[B::Stored; 2]>,
+    beyond: Option<MatrixBeyond<B>>,
 }
 
 enum InverseThere<B: Backend> {
@@ -23,12 +166,14 @@ struct LevelThere<B: Backend> {
     smoother: SmootherThere<B>,
     prolongation: B::LevelMatrix,
     restriction: B::LevelMatrix,
+    beyond: Option<CoarseBeyond<B>>,
 }
 
 enum CoarseThere<B: Backend> {
     Inverse(B::DenseMatrix),
     Diagonal(B::LevelDiagonal),
     Smoothed(SmootherThere<B>),
+    Below(Below),
 }
 
 /// The vectors of one level.
@@ -110,14 +255,17 @@ impl<B: Backend> Multigrid<B> {
     ///
     /// With a smoother of degree ν a level takes 2ν + 3 passes (ν before, ν after, residual, restriction,
     /// prolongation), so that the usual cycle of three levels of degree 2 and a dense coarse solve has 22.
-    pub fn cycle(&mut self, backend: &mut B, state: &B::State) {
+    ///
+    /// # Errors
+    /// Those of the backend, where values of other ranks are needed.
+    pub fn cycle(&mut self, backend: &mut B, state: &B::State) -> Result<(), BackendError> {
         v_cycle(
             backend,
             state,
-            &self.levels,
-            &self.coarse,
+            &mut self.levels,
+            &mut self.coarse,
             &mut self.vectors,
-        );
+        )
     }
 }
 
@@ -129,10 +277,29 @@ fn there<B: Backend>(
 ) -> Result<(Vec<LevelThere<B>>, CoarseThere<B>), BackendError> {
     let mut made = Vec::with_capacity(levels.len());
     for level in levels {
+        let mut smoother = smoother(backend, level.smoother)?;
+        let mut coarse_beyond = None;
+        if let Some(beyond) = level.beyond {
+            let Beyond {
+                nodes,
+                matrix,
+                coarse,
+                prolongation,
+                restriction,
+            } = beyond;
+            smoother.beyond = Some(MatrixBeyond::new(backend, &nodes, matrix)?);
+            coarse_beyond = Some(CoarseBeyond::new(
+                backend,
+                coarse,
+                prolongation,
+                restriction,
+            )?);
+        }
         made.push(LevelThere {
-            smoother: smoother(backend, level.smoother)?,
+            smoother,
             prolongation: backend.level_matrix(level.prolongation)?,
             restriction: backend.level_matrix(level.restriction)?,
+            beyond: coarse_beyond,
         });
     }
     let coarse = match coarse {
@@ -141,6 +308,7 @@ fn there<B: Backend>(
             CoarseThere::Diagonal(backend.level_diagonal(values, block)?)
         }
         Coarse::Smoothed(coarse) => CoarseThere::Smoothed(smoother(backend, coarse)?),
+        Coarse::Below(below) => CoarseThere::Below(below),
     };
     Ok((made, coarse))
 }
@@ -158,6 +326,7 @@ fn smoother<B: Backend>(
         },
         matrix: backend.symmetric_level_matrix(smoother.matrix)?,
         steps: smoother.steps,
+        beyond: None,
     })
 }
 
@@ -167,27 +336,32 @@ fn smoother<B: Backend>(
 fn v_cycle<B: Backend>(
     backend: &mut B,
     state: &B::State,
-    levels: &[LevelThere<B>],
-    coarse: &CoarseThere<B>,
+    levels: &mut [LevelThere<B>],
+    coarse: &mut CoarseThere<B>,
     vectors: &mut [LevelVectors<B>],
-) {
+) -> Result<(), BackendError> {
     let [v, below @ ..] = vectors else {
-        return;
+        return Ok(());
     };
-    let Some((level, coarser)) = levels.split_first() else {
+    let Some((level, coarser)) = levels.split_first_mut() else {
         match coarse {
             CoarseThere::Inverse(inverse) => backend.dense_product(state, inverse, &v.b, &mut v.x),
             CoarseThere::Diagonal(inverse) => {
                 let one = B::Stored::from_f64(1.0);
                 backend.smooth_first(state, inverse, one, &v.b, &mut v.d, &mut v.x);
             }
-            CoarseThere::Smoothed(smoother) => smooth_from_zero(backend, state, smoother, v),
+            CoarseThere::Smoothed(smoother) => smooth_from_zero(backend, state, smoother, v)?,
+            CoarseThere::Below(below) => solve_below(backend, state, below, v)?,
         }
-        return;
+        return Ok(());
     };
-    smooth_from_zero(backend, state, &level.smoother, v);
-    let matrix = &level.smoother.matrix;
-    backend.level_multiply(state, matrix, Product::Residual, &v.b, &v.x, &mut v.d);
+    smooth_from_zero(backend, state, &mut level.smoother, v)?;
+    let SmootherThere { matrix, beyond, .. } = &mut level.smoother;
+    let b = match beyond {
+        Some(beyond) => beyond.remaining(backend, state, &v.b, &v.x)?,
+        None => &v.b,
+    };
+    backend.level_multiply(state, matrix, Product::Residual, b, &v.x, &mut v.d);
     let coarse_b = &mut below[0].b;
     backend.level_multiply(
         state,
@@ -197,7 +371,10 @@ fn v_cycle<B: Backend>(
         &v.d,
         coarse_b,
     );
-    v_cycle(backend, state, coarser, coarse, below);
+    if let Some(beyond) = &mut level.beyond {
+        beyond.restrict(backend, state, &v.d, coarse_b)?;
+    }
+    v_cycle(backend, state, coarser, coarse, below)?;
     let coarse_x = &below[0].x;
     backend.level_multiply(
         state,
@@ -207,16 +384,41 @@ fn v_cycle<B: Backend>(
         coarse_x,
         &mut v.x,
     );
-    smooth(backend, state, &level.smoother, &level.smoother.steps, v);
+    if let Some(beyond) = &mut level.beyond {
+        beyond.prolong(backend, state, coarse_x, &mut v.x)?;
+    }
+    smooth(backend, state, &mut level.smoother, 0, v)
+}
+
+/// The solver of all ranks on the level below.
+fn solve_below<B: Backend>(
+    backend: &mut B,
+    state: &B::State,
+    below: &Below,
+    v: &mut LevelVectors<B>,
+) -> Result<(), BackendError> {
+    if backend.is_over(state) {
+        return Ok(());
+    }
+    let mut values = vec![B::Stored::default(); below.unknowns];
+    backend.read_level(&v.b, &mut values)?;
+    let r: Vec<f64> = values.iter().map(|v| v.to_f64()).collect();
+    let mut z = vec![0.0; r.len()];
+    below.solver.solve(&r, &mut z);
+    for (to, z) in values.iter_mut().zip(z) {
+        *to = B::Stored::from_f64(z / below.scale);
+    }
+    backend.write_level(&values, &mut v.x);
+    Ok(())
 }
 
 /// The smoother from x = 0: its first step needs no product.
 fn smooth_from_zero<B: Backend>(
     backend: &mut B,
     state: &B::State,
-    smoother: &SmootherThere<B>,
+    smoother: &mut SmootherThere<B>,
     v: &mut LevelVectors<B>,
-) {
+) -> Result<(), BackendError> {
     let [_, c] = smoother.steps[0];
     let (b, d, x) = (&v.b, &mut v.d, &mut v.x);
     match &smoother.inverse {
@@ -225,20 +427,30 @@ fn smooth_from_zero<B: Backend>(
             backend.smooth_patches(state, patches, None, c, b, d, x);
         }
     }
-    smooth(backend, state, smoother, &smoother.steps[1..], v);
+    smooth(backend, state, smoother, 1, v)
 }
 
-/// Steps of the smoother on `v.x`.
+/// The steps of the smoother from this one on, on `v.x`.
 fn smooth<B: Backend>(
     backend: &mut B,
     state: &B::State,
-    smoother: &SmootherThere<B>,
-    steps: &[[B::Stored; 2]],
+    smoother: &mut SmootherThere<B>,
+    first: usize,
     v: &mut LevelVectors<B>,
-) {
-    let (a, LevelVectors { b, x, x_next, d }) = (&smoother.matrix, v);
-    for &step in steps {
-        match &smoother.inverse {
+) -> Result<(), BackendError> {
+    let SmootherThere {
+        matrix: a,
+        inverse,
+        steps,
+        beyond,
+    } = smoother;
+    let LevelVectors { b, x, x_next, d } = v;
+    for &step in &steps[first..] {
+        let b = match beyond {
+            Some(beyond) => beyond.remaining(backend, state, b, x)?,
+            None => &*b,
+        };
+        match inverse {
             InverseThere::Diagonal(inverse) => {
                 backend.smooth(state, a, inverse, step, b, x, d, x_next);
                 std::mem::swap(x, x_next);
@@ -251,4 +463,5 @@ fn smooth<B: Backend>(
             }
         }
     }
+    Ok(())
 }

@@ -3,6 +3,7 @@
 use super::aggregation::{Graph, Groups, NONE, ROW};
 use super::coarse::SHIFT;
 use super::smoother::invert;
+use crate::ranks::Ranks;
 use crate::sparse::BlockCsr;
 use rayon::prelude::*;
 
@@ -20,7 +21,7 @@ const PART_OF_NODES: f64 = 0.1;
 /// Disjoint patches of at most [`MOST_NODES`] nodes that hold each other much more than others, grown one after the
 /// other along the strongest tie of their nodes to a free one; None where there are few. All other nodes are patches
 /// of their own.
-pub(super) fn patches(ties: &Graph, strong: &Graph) -> Option<Groups> {
+pub(super) fn patches(ties: &Graph, strong: &Graph, ranks: &Ranks) -> Option<Groups> {
     let n = strong.len();
     let strongest = strong.strongest();
     let holds = |i: usize, tie: f32| tie >= PART_OF_STRONGEST * strongest[i];
@@ -67,7 +68,10 @@ pub(super) fn patches(ties: &Graph, strong: &Graph) -> Option<Groups> {
         }
         count += 1;
     }
-    (in_patches as f64 >= PART_OF_NODES * n as f64 && in_patches > 0).then_some(Groups {
+    let mut sums = [in_patches as f64, n as f64];
+    ranks.sum(&mut sums);
+    let [in_patches, n] = sums;
+    (in_patches >= PART_OF_NODES * n && in_patches > 0.0).then_some(Groups {
         of_node,
         count: count as usize,
     })

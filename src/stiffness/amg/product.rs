@@ -1,5 +1,7 @@
 //! Products and transposes of block matrices for the set-up.
 
+use super::prolongation::Modes;
+use crate::ranks::Halo;
 use crate::sparse::{BlockCsr, vectorised};
 use rayon::prelude::*;
 
@@ -91,7 +93,7 @@ impl<const R: usize, const C: usize> Rows<R, C> {
 ///
 /// [Runs](runs) of coarse rows are finished one after the other, with the rows of A P that they need in a buffer that
 /// stays small: A P as a whole would be larger than A. A coarse row is summed in the order of the rows of A P, whatever
-/// run it belongs to.
+/// run it belongs to. The rows of A, and with them the sums, are those of this rank; [`collected`] adds those of others.
 pub(super) fn galerkin<const B: usize, const M: usize>(
     r: &BlockCsr<M, B>,
     a: &BlockCsr<B>,
@@ -188,19 +190,132 @@ fn runs<const B: usize, const M: usize>(r: &BlockCsr<M, B>, p: &BlockCsr<B, M>) 
     runs
 }
 
-/// Aᵀ.
-pub(super) fn transpose<const R: usize, const C: usize>(a: &BlockCsr<R, C>) -> BlockCsr<C, R> {
+/// A matrix with copies of the rows of others that own rows reach, and the halo of its columns; `columns` is the one before.
+pub(super) fn with_copies<const R: usize, const C: usize>(
+    matrix: &BlockCsr<R, C>,
+    rows: &Halo,
+    columns: &Halo,
+) -> (BlockCsr<R, C>, Halo) {
+    let mut starts = matrix.row_ptr().to_vec();
+    rows.extend_starts(&mut starts);
+    let n_blocks = starts[starts.len() - 1];
+    let mut numbers: Vec<u64> = (matrix.col_idx().iter())
+        .map(|&j| columns.number(j as usize))
+        .collect();
+    numbers.resize(n_blocks, 0);
+    rows.update_rows(|i| starts[i]..starts[i + 1], &mut numbers);
+    let mut values = matrix.values().to_vec();
+    values.resize(n_blocks, [[0.0; C]; R]);
+    let range = |i| starts[i] * R * C..starts[i + 1] * R * C;
+    rows.update_rows(range, values.as_flattened_mut().as_flattened_mut());
+    let mut reached = columns.of_own(columns.own());
+    reached.reach(numbers.iter().copied());
+    let mut entries: Vec<(u32, [[f64; C]; R])> = (numbers.iter().zip(values))
+        .map(|(&number, block)| (reached.place(number), block))
+        .collect();
+    for ends in starts.windows(2) {
+        entries[ends[0]..ends[1]].sort_unstable_by_key(|&(j, _)| j);
+    }
+    let (cols, values) = entries.into_iter().unzip();
+    let (n_rows, n_cols) = (starts.len() - 1, reached.own() + reached.copies());
+    (
+        BlockCsr::from_parts(n_rows, n_cols, starts, cols, values),
+        reached,
+    )
+}
+
+/// The rows of a matrix, which has parts of them on other ranks too, summed rank by rank on the ranks that they belong to; and
+/// the halo of their columns. `halo` is that of the rows and columns before.
+pub(super) fn collected<const M: usize>(matrix: BlockCsr<M>, halo: &Halo) -> (BlockCsr<M>, Halo) {
+    if halo.all() == halo.own() as u64 {
+        return (matrix, halo.clone());
+    }
+    let starts = matrix.row_ptr();
+    let numbers: Vec<u64> = (matrix.col_idx().iter())
+        .map(|&j| halo.number(j as usize))
+        .collect();
+    let lengths = halo.lengths(|row| starts[row + 1] - starts[row]);
+    // Row, column and place of the blocks that come, rank by rank.
+    let mut more: Vec<(u32, u64, usize)> = Vec::new();
+    halo.collect(
+        |row| starts[row]..starts[row + 1],
+        &numbers,
+        &lengths,
+        |row, columns| {
+            for &column in columns {
+                more.push((row as u32, column, more.len()));
+            }
+        },
+    );
+    let mut blocks: Vec<f64> = Vec::with_capacity(M * M * more.len());
+    let lengths: Vec<Vec<usize>> = (lengths.into_iter())
+        .map(|lengths| lengths.into_iter().map(|length| M * M * length).collect())
+        .collect();
+    halo.collect(
+        |row| M * M * starts[row]..M * M * starts[row + 1],
+        matrix.values().as_flattened().as_flattened(),
+        &lengths,
+        |_, values| blocks.extend_from_slice(values),
+    );
+    let blocks = blocks.as_chunks::<M>().0.as_chunks::<M>().0;
+    // Parts of a row stay in the order of the ranks.
+    more.sort_by_key(|&(row, ..)| row);
+    let mut reached = halo.of_own(halo.own());
+    let own = &numbers[..starts[halo.own()]];
+    reached.reach(
+        own.iter()
+            .copied()
+            .chain(more.iter().map(|&(_, column, _)| column)),
+    );
+    let (mut row_ptr, mut cols, mut values) = (vec![0], Vec::new(), Vec::new());
+    let mut more = &more[..];
+    let mut row: Vec<(u32, Modes<M, M>)> = Vec::new();
+    for i in 0..halo.own() {
+        row.clear();
+        row.extend(
+            (starts[i]..starts[i + 1]).map(|k| (reached.place(numbers[k]), matrix.values()[k])),
+        );
+        row.sort_unstable_by_key(|&(j, _)| j);
+        let here = more.partition_point(|&(row, ..)| row as usize <= i);
+        for &(_, column, k) in &more[..here] {
+            let column = reached.place(column);
+            match row.binary_search_by_key(&column, |&(j, _)| j) {
+                Ok(found) => {
+                    let sum = row[found].1.as_flattened_mut();
+                    sum.iter_mut()
+                        .zip(blocks[k].as_flattened())
+                        .for_each(|(sum, v)| *sum += v);
+                }
+                Err(place) => row.insert(place, (column, blocks[k])),
+            }
+        }
+        more = &more[here..];
+        cols.extend(row.iter().map(|&(j, _)| j));
+        values.extend(row.iter().map(|&(_, block)| block));
+        row_ptr.push(cols.len());
+    }
+    let columns = reached.own() + reached.copies();
+    let sums = BlockCsr::from_parts(halo.own(), columns, row_ptr, cols, values);
+    (sums, reached)
+}
+
+/// The transpose of the first rows of A.
+pub(super) fn transpose<const R: usize, const C: usize>(
+    a: &BlockCsr<R, C>,
+    rows: usize,
+) -> BlockCsr<C, R> {
+    let entries = a.row_ptr()[rows];
     let mut row_ptr = vec![0; a.n_block_cols() + 1];
-    for &j in a.col_idx() {
+    for &j in &a.col_idx()[..entries] {
         row_ptr[j as usize + 1] += 1;
     }
     for j in 0..a.n_block_cols() {
         row_ptr[j + 1] += row_ptr[j];
     }
     let mut next = row_ptr.clone();
-    let mut cols = vec![0; a.n_blocks()];
-    let mut values = vec![[[0.0; R]; C]; a.n_blocks()];
-    for i in 0..a.n_block_rows() {
+    let mut cols = vec![0; entries];
+    let mut values = vec![[[0.0; R]; C]; entries];
+    for i in 0..rows {
         let (row_cols, blocks) = a.row(i);
         for (&j, block) in row_cols.iter().zip(blocks) {
             let place = next[j as usize];
@@ -209,5 +324,5 @@ pub(super) fn transpose<const R: usize, const C: usize>(a: &BlockCsr<R, C>) -> B
             values[place] = std::array::from_fn(|b| std::array::from_fn(|a| block[a][b]));
         }
     }
-    BlockCsr::from_parts(a.n_block_cols(), a.n_block_rows(), row_ptr, cols, values)
+    BlockCsr::from_parts(a.n_block_cols(), rows, row_ptr, cols, values)
 }

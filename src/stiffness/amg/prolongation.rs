@@ -2,6 +2,7 @@
 
 use super::aggregation::{Graph, Groups, NONE};
 use super::product::add_product;
+use crate::ranks::{Halo, Ranks};
 use crate::rigid::Frame;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK, vectorised};
 use rayon::prelude::*;
@@ -17,10 +18,13 @@ pub(super) type Modes<const B: usize, const M: usize> = [[f64; M]; B];
 pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
     n: usize,
     coordinates: Option<&[[f64; D]]>,
+    ranks: &Ranks,
 ) -> Vec<Modes<D, M>> {
     let frame = match coordinates {
         // Of size about 1, so that the unit of length does not matter.
-        Some(points) => Frame::of_box(points, |edges| edges.into_iter().fold(0.0, f64::max)),
+        Some(points) => Frame::of_box(&ranks.box_around(points), |edges| {
+            edges.into_iter().fold(0.0, f64::max)
+        }),
         None => Frame {
             centre: [0.0; D],
             size: 1.0,
@@ -144,16 +148,31 @@ fn remove<const B: usize>(v: &mut [f64; B], unit: &[f64; B]) {
     v.iter_mut().zip(unit).for_each(|(v, u)| *v -= part * u);
 }
 
-/// The tentative prolongation: node i of aggregate I interpolates by the block Qᵢ from node I.
+/// The tentative prolongation: node i of aggregate I interpolates by the block Qᵢ from node I. Of nodes and aggregates of other
+/// ranks there may be copies ([`Tentative::extend`]).
 pub(super) struct Tentative<const B: usize, const M: usize> {
     /// Qᵢ; zero without aggregate. Within an aggregate the nonzero columns are orthonormal.
     pub q: Vec<Modes<B, M>>,
     /// The modes on the coarse level: Qᵢ · coarse[I] are the modes of node i. A zero row means that the
     /// coarse unknown does not exist (its column of Q is zero).
     pub coarse: Vec<Modes<M, M>>,
-    /// The factors of Q: the modes of node i times `factors[I]` are Qᵢ. For another node they give its rigid motion with
-    /// aggregate I.
+    /// The factors of Q of own aggregates: the modes of node i times `factors[I]` are Qᵢ. For another node they give its rigid
+    /// motion with aggregate I.
     pub factors: Vec<Modes<M, M>>,
+}
+
+impl<const B: usize, const M: usize> Tentative<B, M> {
+    /// Adds the copies.
+    pub fn extend(&mut self, nodes: &Halo, aggregates: &Halo) {
+        extend(&mut self.q, nodes);
+        extend(&mut self.coarse, aggregates);
+    }
+}
+
+/// Adds the copies to blocks of rows.
+fn extend<const R: usize, const C: usize>(blocks: &mut Vec<[[f64; C]; R]>, halo: &Halo) {
+    blocks.resize(halo.own() + halo.copies(), [[0.0; C]; R]);
+    halo.update(R * C, blocks.as_flattened_mut().as_flattened_mut());
 }
 
 /// Factors the modes of each aggregate as Q R by Gram–Schmidt, each column twice; R has a positive
@@ -222,32 +241,59 @@ pub(super) fn tentative<const B: usize, const M: usize>(
     Tentative { q, coarse, factors }
 }
 
-/// The possible positions of blocks in the prolongation.
+/// The possible positions of blocks in the prolongation, copies of rows of other ranks included.
 #[derive(Debug)]
 pub(super) struct Pattern {
     row_ptr: Vec<usize>,
+    /// Those of copies are in the order of their own rank.
     cols: Vec<u32>,
 }
 
 impl Pattern {
-    /// The aggregates of a node and of its neighbours in a graph.
-    pub fn new(aggregates: &Groups, graph: &Graph) -> Self {
+    /// The aggregates of a node and of its neighbours in a graph, and the halo of the aggregates: it has those that own rows and
+    /// copies reach. The groups get the aggregates of copies.
+    pub fn new(aggregates: &mut Groups, graph: &Graph, nodes: &Halo) -> (Self, Halo) {
+        /// The number of a node without aggregate.
+        const NOWHERE: u64 = u64::MAX;
+        let mut coarse = nodes.of_own(aggregates.count);
+        let numbers = (aggregates.of_node.iter())
+            .map(|&group| match group {
+                NONE => NOWHERE,
+                group => coarse.number(group as usize),
+            })
+            .collect();
+        let of_node = nodes.extended(1, numbers);
         let (mut row_ptr, mut cols) = (vec![0], Vec::new());
-        for (i, &own) in aggregates.of_node.iter().enumerate() {
+        for (i, &own) in of_node[..nodes.own()].iter().enumerate() {
             let start = cols.len();
-            if own != NONE {
+            if own != NOWHERE {
                 cols.push(own);
                 for &(j, _) in graph.of(i) {
-                    let aggregate = aggregates.of_node[j as usize];
-                    if aggregate != NONE && !cols[start..].contains(&aggregate) {
+                    let aggregate = of_node[j as usize];
+                    if aggregate != NOWHERE && !cols[start..].contains(&aggregate) {
                         cols.push(aggregate);
                     }
                 }
-                cols[start..].sort_unstable();
+                cols[start..].sort_unstable_by_key(|&number| coarse.order_of(number));
             }
             row_ptr.push(cols.len());
         }
-        Self { row_ptr, cols }
+        nodes.extend_starts(&mut row_ptr);
+        cols.resize(row_ptr[row_ptr.len() - 1], NOWHERE);
+        nodes.update_rows(|i| row_ptr[i]..row_ptr[i + 1], &mut cols);
+        coarse.reach(cols.iter().copied());
+        aggregates.of_node = (of_node.iter())
+            .map(|&number| match number {
+                NOWHERE => NONE,
+                number => coarse.place(number),
+            })
+            .collect();
+        let cols = cols.into_iter().map(|number| coarse.place(number));
+        let pattern = Self {
+            row_ptr,
+            cols: cols.collect(),
+        };
+        (pattern, coarse)
     }
 
     fn range(&self, i: usize) -> std::ops::Range<usize> {
@@ -263,6 +309,8 @@ impl Pattern {
 /// unknowns of I, so that a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that way, where
 /// leaving the block out would cost them (Σ_J V_J R_J is the effect of the row on them). With all neighbours strong a
 /// first step is that of ordinary smoothed aggregation.
+///
+/// After the rows of this rank come copies of those of others, in the columns of [`Pattern::new`].
 pub(super) fn smoothed<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     inverse_diagonal: &[[[f64; B]; B]],
@@ -270,8 +318,8 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
     aggregates: &Groups,
     pattern: &Pattern,
     tentative: &Tentative<B, M>,
+    [nodes, coarse]: [&Halo; 2],
 ) -> BlockCsr<B, M> {
-    let n = a.n_block_rows();
     let q = |i: usize| -> (&[u32], &[Modes<B, M>]) {
         let own = &aggregates.of_node[i];
         let there = usize::from(*own != NONE);
@@ -290,17 +338,26 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
             tentative,
             pattern,
         };
-        p = Some(match &p {
+        let mut after = match &p {
             None => step.of(q),
             Some(p) => step.of(|i| (&pattern.cols[pattern.range(i)], &p[pattern.range(i)])),
-        });
+        };
+        let range = |i| pattern.row_ptr[i] * B * M..pattern.row_ptr[i + 1] * B * M;
+        nodes.update_rows(range, after.as_flattened_mut().as_flattened_mut());
+        p = Some(after);
     }
     let values = p.unwrap_or_default();
     // Decoupled components leave blocks of zeros.
     let (mut row_ptr, mut cols, mut kept) = (vec![0], Vec::new(), Vec::with_capacity(values.len()));
-    for i in 0..n {
-        for k in pattern.range(i) {
-            let own = pattern.cols[k] == aggregates.of_node[i];
+    let mut places = Vec::new();
+    for (i, &aggregate) in aggregates.of_node.iter().enumerate() {
+        places.clear();
+        places.extend(pattern.range(i));
+        if i >= nodes.own() {
+            places.sort_unstable_by_key(|&k| pattern.cols[k]);
+        }
+        for &k in &places {
+            let own = pattern.cols[k] == aggregate;
             if own || values[k].as_flattened().iter().any(|&v| v != 0.0) {
                 cols.push(pattern.cols[k]);
                 kept.push(values[k]);
@@ -308,7 +365,8 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
         }
         row_ptr.push(cols.len());
     }
-    BlockCsr::from_parts(n, aggregates.count, row_ptr, cols, kept)
+    let columns = coarse.own() + coarse.copies();
+    BlockCsr::from_parts(aggregates.of_node.len(), columns, row_ptr, cols, kept)
 }
 
 /// A smoothing step of the prolongation.
@@ -329,7 +387,7 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
     ) -> Vec<Modes<B, M>> {
         let n = self.a.n_block_rows();
         // The effect of the rows on the rigid-body motions.
-        let mut motions = vec![[[0.0; M]; B]; n];
+        let mut motions = vec![[[0.0; M]; B]; self.aggregates.of_node.len()];
         motions
             .par_iter_mut()
             .enumerate()

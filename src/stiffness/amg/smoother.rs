@@ -2,6 +2,7 @@
 
 use super::Inverse;
 use crate::dense::tridiagonal_largest;
+use crate::ranks::Halo;
 use crate::sparse::stored::{BlockMatrix, Real, times};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK, vectorised};
 use rayon::prelude::*;
@@ -58,12 +59,14 @@ pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
 /// The largest eigenvalue of D⁻¹A, from below: the largest Ritz value of a few steps of conjugate gradients
 /// preconditioned with D, which build the Lanczos tridiagonal matrix on the way.
 ///
-/// A and D⁻¹ are used in their stored precision: two digits of the result suffice.
+/// A, with the columns of copies, and D⁻¹ are used in their stored precision: two digits of the result suffice.
 pub(super) fn spectral_radius<const B: usize, S: Real>(
     a: &BlockMatrix<S>,
     inverse: &Inverse<S>,
+    halo: &Halo,
 ) -> f64 {
     let n = a.n_block_rows();
+    let first = halo.first() as usize;
     let a = a.view::<B, B>();
     let multiplied = |r: &[[S; B]], z: &mut [[S; B]]| {
         let rows = z.par_chunks_mut(ROWS_PER_TASK).enumerate();
@@ -84,10 +87,10 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
     let mut r: Vec<[S; B]> = (0..n)
         .into_par_iter()
         .with_min_len(ROWS_PER_TASK)
-        .map(|i| std::array::from_fn(|c| S::from_f64(noise(i * B + c))))
+        .map(|i| std::array::from_fn(|c| S::from_f64(noise((first + i) * B + c))))
         .collect();
     let mut z = vec![[S::default(); B]; n];
-    let mut p = z.clone();
+    let mut p = halo.extended(B, z.as_flattened().to_vec());
     let mut q = z.clone();
     // r ← r − α q, z = D⁻¹ r; returns rᵀz.
     let precondition = |alpha: S, q: &[[S; B]], r: &mut [[S; B]], z: &mut [[S; B]]| {
@@ -96,28 +99,32 @@ pub(super) fn spectral_radius<const B: usize, S: Real>(
             .for_each(|(r, q)| *r = std::array::from_fn(|c| r[c] - alpha * q[c]));
         multiplied(r, z);
         let rows = r.par_chunks(ROWS_PER_TASK).zip(z.par_chunks(ROWS_PER_TASK));
-        ordered_sum(rows.map(|(r, z)| r.iter().zip(z).map(|(r, z)| inner(r, z)).sum()))
+        let parts = rows.map(|(r, z)| r.iter().zip(z).map(|(r, z)| inner(r, z)).sum());
+        ordered_sum(parts, halo)
     };
     let first = precondition(S::default(), &q, &mut r, &mut z);
     let (mut rz, mut alpha_old, mut beta) = (first, 1.0, 0.0);
     let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
     for _ in 0..LANCZOS_STEPS {
         let b = S::from_f64(beta);
-        (p.par_iter_mut().zip(&z))
+        (p.as_chunks_mut::<B>().0.par_iter_mut().zip(&z))
             .with_min_len(ROWS_PER_TASK)
             .for_each(|(p, z)| *p = std::array::from_fn(|c| z[c] + b * p[c]));
+        halo.update(B, &mut p);
+        let p = p.as_chunks::<B>().0;
         let rows = q.par_chunks_mut(ROWS_PER_TASK).enumerate();
-        let pq = ordered_sum(rows.map(|(task, q)| {
+        let parts = rows.map(|(task, q)| {
             vectorised!({
                 let mut sum = 0.0;
                 for (k, q) in q.iter_mut().enumerate() {
                     let i = task * ROWS_PER_TASK + k;
-                    *q = a.row_times(i, &p);
+                    *q = a.row_times(i, p);
                     sum += inner(q, &p[i]);
                 }
                 sum
             })
-        }));
+        });
+        let pq = ordered_sum(parts, halo);
         let alpha = rz / pq;
         if !(alpha > 0.0 && alpha.is_finite()) {
             break;
@@ -142,9 +149,11 @@ fn inner<const B: usize, S: Real>(x: &[S; B], y: &[S; B]) -> f64 {
     (0..B).map(|c| x[c].to_f64() * y[c].to_f64()).sum()
 }
 
-/// The sum of the results of parallel tasks, in the order of the tasks.
-fn ordered_sum(parts: impl IndexedParallelIterator<Item = f64>) -> f64 {
-    parts.collect::<Vec<f64>>().into_iter().sum()
+/// The sum of the results of parallel tasks, in the order of the tasks, and of all ranks.
+fn ordered_sum(parts: impl IndexedParallelIterator<Item = f64>, halo: &Halo) -> f64 {
+    let mut sum = [parts.collect::<Vec<f64>>().into_iter().sum()];
+    halo.ranks().sum(&mut sum);
+    sum[0]
 }
 
 /// A number in (−1, 1) that depends on `i` without any pattern (the mixing function of SplitMix64).

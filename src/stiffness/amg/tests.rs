@@ -31,7 +31,7 @@ struct Solve {
 /// Conjugate gradients preconditioned with M, to ‖K x − f‖ ≤ 1e-8 ‖f‖.
 fn pcg<const D: usize, S: Real>(k: &BlockCsr<D>, f: &[f64], m: &Hierarchy<S>) -> Solve {
     let k = Arc::new(k.clone());
-    let mut pcg = Pcg::with_hierarchy(Cpu::<S>::default(), &k, m.clone())
+    let mut pcg = Pcg::with_hierarchy(Cpu::<S>::default(), Arc::clone(&k) as _, m.clone())
         .unwrap_or_else(|error| panic!("{error}"));
     let mut x = vec![0.0; f.len()];
     let start = Instant::now();
@@ -71,7 +71,9 @@ impl<S: Real> Cycle<S> {
         for (there, &r) in self.multigrid.r().iter_mut().zip(r) {
             *there = S::from_f64(r);
         }
-        self.multigrid.cycle(&mut self.cpu, &Default::default());
+        self.multigrid
+            .cycle(&mut self.cpu, &Default::default())
+            .unwrap();
         for (z, there) in z.iter_mut().zip(self.multigrid.z()) {
             *z = self.scale * there.to_f64();
         }
@@ -453,10 +455,17 @@ fn a_lattice_in_space_is_solved() {
     );
     // Rigid motions are represented exactly.
     let (k, points) = lattice([5, 4, 6]);
-    let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points));
-    let ties = ties(&k);
-    let Strength { strong, .. } =
-        strength(&ties, &weights(&k, 1.0), 0.38, f64::INFINITY, Some(&points));
+    let modes = rigid_body_modes::<3, 6>(points.len(), Some(&points), &Ranks::default());
+    let halo = Halo::alone(k.n_block_rows());
+    let ties = ties(&k, &halo);
+    let Strength { strong, .. } = strength(
+        &ties,
+        &weights(&k, 1.0, &halo),
+        0.38,
+        f64::INFINITY,
+        Some(&points),
+        &halo,
+    );
     let aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for (i, mode) in modes.iter().enumerate() {
@@ -480,10 +489,18 @@ fn rigid_body_modes_are_interpolated_exactly() {
 fn check_rigid_motions(mesh: &Mesh) {
     let (k, _, points) = clamped(mesh, &[MATERIAL]);
     let n = k.n_block_rows();
-    let modes = rigid_body_modes::<2, 3>(n, Some(&points));
-    let ties = ties(&k);
-    let Strength { strong, pulling } = strength(&ties, &weights(&k, 1.0), 0.38, 3.0, Some(&points));
-    let aggregates = aggregate(&ties, &strong, false, |_| false);
+    let modes = rigid_body_modes::<2, 3>(n, Some(&points), &Ranks::default());
+    let halo = Halo::alone(k.n_block_rows());
+    let ties = ties(&k, &halo);
+    let Strength { strong, pulling } = strength(
+        &ties,
+        &weights(&k, 1.0, &halo),
+        0.38,
+        3.0,
+        Some(&points),
+        &halo,
+    );
+    let mut aggregates = aggregate(&ties, &strong, false, |_| false);
     let tentative = tentative(&modes, &aggregates);
     for i in 0..n {
         let coarse = &tentative.coarse[aggregates.of_node[i] as usize];
@@ -496,13 +513,15 @@ fn check_rigid_motions(mesh: &Mesh) {
     }
     // Away from the support K moves them without force, so that smoothing keeps them too.
     let inverse_diagonal = smoother::inverse_diagonal(&k).expect("K is positive definite");
+    let (pattern, coarse) = Pattern::new(&mut aggregates, &pulling, &halo);
     let p = smoothed(
         &k,
         &inverse_diagonal,
         &[0.5, 1.0],
         &aggregates,
-        &Pattern::new(&aggregates, &pulling),
+        &pattern,
         &tentative,
+        [&halo, &coarse],
     );
     for b in 0..3 {
         let coarse: Vec<f64> = tentative

@@ -316,13 +316,13 @@ pub fn followed<B: Backend<Stored = f32>>(
         let hierarchy = hierarchy.or_panic();
         let mut cycle = Multigrid::new(&mut b, hierarchy)?;
         b.start(&r, &mut x, cycle.r(), &mut state, goals);
-        cycle.cycle(&mut b, &state);
+        cycle.cycle(&mut b, &state).unwrap();
         b.direction(&r, cycle.z(), &mut p, &mut state);
         let mut progress = Vec::new();
         for _ in 0..26 {
             b.multiply(&matrix, &p, &mut q, &mut state);
             b.step(&p, &q, &mut x, &mut r, cycle.r(), &mut state);
-            cycle.cycle(&mut b, &state);
+            cycle.cycle(&mut b, &state).unwrap();
             b.direction(&r, cycle.z(), &mut p, &mut state);
             let made = b.progress(&state, None)?;
             progress.push(Progress {

@@ -125,7 +125,8 @@ fn far_neighbours_are_not_strong_and_soft_nodes_follow_stiff_ones() {
     let points = [[0.0], [1.0], [2.0], [6.5], [7.5]];
     let even = chain(&[1.0; 4]);
     let of = |ties, weight: &[f32], reach, points: Option<&[[f64; 1]]>| {
-        let Strength { strong, pulling } = strength(ties, weight, 0.5, reach, points);
+        let Strength { strong, pulling } =
+            strength(ties, weight, 0.5, reach, points, &Halo::alone(5));
         [strong, pulling].map(lengths)
     };
     // The gap of 4.5 is as many times the distance of the closest on both sides.
@@ -164,10 +165,12 @@ fn rows_are_aggregated_in_fives_and_pairs_are_joined() {
 #[test]
 fn patches_are_inverted() {
     let (k, _, _) = clamped(&quads([1.0, 0.2], [10, 41]), &[MATERIAL]);
-    let ties = ties(&k);
+    let halo = Halo::alone(k.n_block_rows());
+    let ties = ties(&k, &halo);
     let no_points = None::<&[[f64; 2]]>;
-    let Strength { strong, .. } = strength(&ties, &weights(&k, 1.0), 0.2, 3.0, no_points);
-    let groups = patches::patches(&ties, &strong).expect("cells are flat");
+    let Strength { strong, .. } =
+        strength(&ties, &weights(&k, 1.0, &halo), 0.2, 3.0, no_points, &halo);
+    let groups = patches::patches(&ties, &strong, halo.ranks()).expect("cells are flat");
     let inverse_diagonal = smoother::inverse_diagonal(&k).expect("K is positive definite");
     let inverse = patches::inverse(&k, &inverse_diagonal, &groups);
     let (start, members) = groups.members();
