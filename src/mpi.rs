@@ -1,4 +1,5 @@
-//! The same solve on several machines: MPI for the processes, PETSc for K⁻¹ (feature `mpi`).
+//! The same solve on several machines: MPI for the processes, PETSc for the coarsest levels of multigrid
+//! (feature `mpi`).
 //!
 //! Each process, a *rank*, has the rows of K that belong to its nodes, with u and f there and the columns of B; no rank has all of
 //! K. λ and the Newton method are on all ranks, the same to the last bit: rank 0 adds up every sum over unknowns and sends it to

@@ -30,7 +30,7 @@ const PREFIX: &str = "signorini_";
 /// without threshold, each smoothed once; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc estimates by
 /// ten steps of CG; the coarsest level, of at most 1000 unknowns, on one rank by a factor. Jacobi is the only smoother that neither
 /// fails on coarse levels nor depends on the number of ranks.
-const OPTIONS: [(&str, &str); 24] = [
+const OPTIONS: [(&str, &str); 23] = [
     ("-signorini_pc_type", "gamg"),
     ("-signorini_pc_gamg_type", "agg"),
     ("-signorini_pc_gamg_agg_nsmooths", "1"),
@@ -43,9 +43,6 @@ const OPTIONS: [(&str, &str); 24] = [
     ("-signorini_pc_gamg_repartition", "false"),
     ("-signorini_pc_gamg_reuse_interpolation", "true"),
     ("-signorini_pc_gamg_use_sa_esteig", "true"),
-    // The other ways to make PᵀAP add up contributions of other ranks as they arrive: on four ranks coarse matrices, and with them
-    // the answer, then differ in the last bits from run to run.
-    ("-matptap_via", "allatonce_merged"),
     ("-signorini_pc_mg_type", "multiplicative"),
     ("-signorini_pc_mg_cycle_type", "v"),
     ("-signorini_mg_levels_ksp_type", "chebyshev"),
@@ -59,6 +56,10 @@ const OPTIONS: [(&str, &str); 24] = [
     ("-signorini_mg_coarse_pc_type", "bjacobi"),
     ("-signorini_mg_coarse_sub_pc_type", "lu"),
 ];
+
+/// How several ranks make PᵀAP, which one rank by itself does not know. Other ways add up contributions of other ranks as they
+/// arrive: on four ranks coarse matrices, and with them the answer, then differ in the last bits from run to run.
+const OF_SEVERAL: [(&str, &str); 1] = [("-matptap_via", "allatonce_merged")];
 
 /// The rows of K that belong to the unknowns of a rank.
 pub(super) struct OwnRows<const D: usize> {
@@ -200,6 +201,9 @@ impl Distributed {
         preconditioner: Preconditioner,
     ) -> Result<Self, DualError> {
         petsc::set_options(&OPTIONS)?;
+        if group.size() > 1 {
+            petsc::set_options(&OF_SEVERAL)?;
+        }
         let OwnRows {
             rows,
             halo,

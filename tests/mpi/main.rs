@@ -22,8 +22,9 @@ fn main() {
         .skip(1)
         .filter(|arg| !arg.starts_with('-'))
         .collect();
-    let tests: [(&str, fn()); 11] = [
+    let tests: [(&str, fn()); 12] = [
         ("the_templates", the_templates),
+        ("iterations", iterations),
         ("kinds", kinds::kinds),
         ("matrices", matrices),
         ("the_same_bits", the_same_bits),
@@ -206,6 +207,58 @@ fn ranks_without_unknowns() {
         assert!((a - b).abs() < 10.0, "{a} {b}");
     }
 }
+
+/// Multigrid takes as many iterations as in one process, on stretched hexahedra, and on tetrahedra and hexahedra of second order;
+/// and so does the contact.
+fn iterations() {
+    let place = tempfile::tempdir().expect("a directory");
+    let place = place.path();
+    for (name, order, linear, cells) in [
+        ("stretched", 1, 0.2, "cells = [24, 24, 12]"),
+        ("hex20", 2, 0.7, "cells = [12, 12, 6]"),
+        (
+            "tet10",
+            2,
+            0.7,
+            "cells = [12, 8, 4]\nshape = \"tetrahedron\"",
+        ),
+    ] {
+        let case = place.join(format!("{name}.toml"));
+        // The part of cells that does not grow with the distance from the corner.
+        let map = ["x", "y", "z"].map(|x| format!("{linear}*{x} + {}*{x}^3", 1.0 - linear));
+        let mesh = format!("[mesh]\norder = {order}\n[mesh.box]\n{cells}\nmap = {map:?}");
+        std::fs::write(&case, format!("{mesh}{PRESSED}")).expect("a case");
+        let counts = |ranks: Option<usize>, more: &[&str]| {
+            let run = solved(ranks, &case, more, &place.join("out"));
+            ["v_cycles_linear", "iter"].map(|key| run.report[key].as_f64().expect(key))
+        };
+        let [alone, steps] = counts(None, &["--stiffness", "pcg", "--backend", "cpu"]);
+        for ranks in [1, 2, 8] {
+            let [found, steps_there] = counts(Some(ranks), &[]);
+            println!(
+                "  {name} on {ranks}: {found} iterations, {alone} in one process; {steps_there} and {steps} steps"
+            );
+            assert!((found - alone).abs() <= 2.0, "{name} on {ranks}");
+            assert!(steps_there <= steps + 3.0, "{name} on {ranks}");
+        }
+    }
+}
+
+const PRESSED: &str = r#"
+size = [1, 1, 1]
+[[material]]
+young = 2e11
+poisson = 0.3
+[[support]]
+boundary = "top"
+x = 0
+y = 0
+z = -1e-4
+[[contact]]
+boundary = "bottom"
+obstacle = { half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }
+friction = { coulomb = 0.3 }
+"#;
 
 const TINY: &str = r#"
 [mesh.rectangle]

@@ -87,6 +87,8 @@ pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     for (name, value) in command.get_envs() {
         launcher.env(name, value.unwrap_or_default());
     }
+    // One rank by itself is a rank, too.
+    launcher.env("SIGNORINI_RANKS", "1");
     // Ranks that wait leave the cores to those that work, and to other programs.
     launcher.env("OMPI_MCA_mpi_yield_when_idle", "1");
     // Open MPI refuses to start anything as root, the user in containers; MPICH does not.

@@ -100,12 +100,12 @@ fn refused(arguments: &SolveArguments) -> Option<String> {
         backend, stiffness, ..
     } = &arguments.engine;
     if *stiffness == Stiffness::Cholesky {
-        let text = "--stiffness cholesky: the factor is made in one process; several ranks solve by conjugate gradients with \
-                    PETSc: leave it out, or start the program without mpirun";
+        let text = "--stiffness cholesky: the factor is made in one process; several ranks solve by conjugate gradients: \
+                    leave it out, or start the program without mpirun";
         return Some(text.to_owned());
     }
     if *backend == Backend::Gpu {
-        let text = "--backend gpu: several ranks compute with PETSc on their processors: leave it out, or start the program \
+        let text = "--backend gpu: several ranks compute on their processors: leave it out, or start the program \
                     without mpirun";
         return Some(text.to_owned());
     }
