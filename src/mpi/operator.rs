@@ -215,16 +215,11 @@ impl Distributed {
         let make = |rows: RowsBelow| -> Result<Arc<dyn SolverBelow>, AmgError> {
             let made = petsc::Matrix::new(group, &rows)
                 .and_then(|matrix| petsc::Preconditioner::new(group, matrix, PREFIX))
-                .and_then(|made| Ok((made.kind()?, made.levels()?, made)));
+                .and_then(|made| Ok((made.about()?, made)));
             // A failure on one rank makes the others useless.
             match made {
-                Ok((kind, levels, made)) if !group.any(false) => {
-                    let levels: Vec<String> = levels.iter().map(usize::to_string).collect();
-                    *below.borrow_mut() = format!(
-                        "{}: {kind}, levels of {} unknowns",
-                        petsc::version(),
-                        levels.join(", ")
-                    );
+                Ok((about, made)) if !group.any(false) => {
+                    *below.borrow_mut() = about;
                     Ok(Arc::new(Petsc {
                         preconditioner: Mutex::new(made),
                         failure: Arc::clone(&failure),
@@ -264,16 +259,21 @@ impl Distributed {
             ),
             Err(error) => return Err(PcgError::from(error).into()),
         };
-        let mut n = [rows.n_rows() as f64];
-        ranks.sum(&mut n);
-        let about = match (hierarchy.is_multigrid(), hierarchy.sizes().len()) {
+        let mut sizes: Vec<f64> = (hierarchy.sizes().iter())
+            .map(|size| size.unknowns as f64)
+            .collect();
+        ranks.sum(&mut sizes);
+        let about = match (hierarchy.is_multigrid(), &sizes[..]) {
             (false, _) => "block-Jacobi".to_owned(),
-            (true, 1) => below.into_inner(),
-            (true, _) => format!(
-                "own finest level of {} unknowns over {}",
-                n[0],
-                below.into_inner()
-            ),
+            (true, [own @ .., _]) if !own.is_empty() => {
+                let below = below.into_inner();
+                let own: Vec<String> = own.iter().map(f64::to_string).collect();
+                format!(
+                    "own levels of {} unknowns, below them {below}",
+                    own.join(", ")
+                )
+            }
+            (true, _) => below.into_inner(),
         };
         let own = rows.n_rows();
         let k: Arc<dyn SquareBlocks> = Arc::new(Spread {

@@ -154,7 +154,7 @@ pub(super) fn finish() {
 }
 
 /// Its version, and whether it counts in 64 bits.
-pub(super) fn version() -> String {
+fn version() -> String {
     let (mut major, mut minor, mut patch, mut release): (Int, Int, Int, Int) = (0, 0, 0, 0);
     // SAFETY: four places for numbers.
     unsafe { sys::PetscGetVersionNumber(&mut major, &mut minor, &mut patch, &mut release) };
@@ -418,18 +418,24 @@ impl Preconditioner {
         self.z.read(|from| z.copy_from_slice(from))
     }
 
-    /// Its kind, in the words of the options.
-    pub fn kind(&self) -> Result<String, PetscError> {
+    /// PETSc's version, the kind in the words of the options, and the unknowns of its levels.
+    pub fn about(&self) -> Result<String, PetscError> {
         let mut kind = null();
         petsc!(PCGetType(self.raw, &mut kind));
         // SAFETY: PETSc returns a C string.
-        Ok(unsafe { CStr::from_ptr(kind) }
-            .to_string_lossy()
-            .into_owned())
+        let kind = unsafe { CStr::from_ptr(kind) }.to_string_lossy();
+        let mut about = format!("{}: {kind}", version());
+        // Others that a user may have chosen have no levels to ask for.
+        if kind == "gamg" {
+            let levels = self.levels()?;
+            let levels: Vec<String> = levels.iter().map(usize::to_string).collect();
+            about += &format!(", levels of {} unknowns", levels.join(", "));
+        }
+        Ok(about)
     }
 
-    /// Unknowns of the levels of multigrid, the finest first.
-    pub fn levels(&self) -> Result<Vec<usize>, PetscError> {
+    /// Unknowns of the levels of GAMG, the finest first.
+    fn levels(&self) -> Result<Vec<usize>, PetscError> {
         let mut count = 0;
         petsc!(PCMGGetLevels(self.raw, &mut count));
         let size = |level| {

@@ -121,8 +121,7 @@ pub fn level_matrix<const R: usize, const C: usize>(
     BlockMatrix::new(&matrix, 1.0)
 }
 
-/// All parts of a V-cycle, on random data in blocks of D, coarser ones of M: each result through CG's own interface,
-/// because vectors of a level have no other way to the host.
+/// All parts of a V-cycle, on random data in blocks of D, coarser ones of M.
 pub fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     b: &mut B,
     rows: usize,
@@ -136,7 +135,7 @@ pub fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     let r = numbers(&mut random, n);
     let mut r_there = b.vector(n)?;
     b.upload(&r, &mut r_there);
-    let (mut x, mut p) = (b.vector(n)?, b.vector(n)?);
+    let mut x = b.vector(n)?;
     let mut state = b.state(&k, &r_there)?;
     let mut right = b.level_vector(n)?;
     let mut results = Vec::new();
@@ -153,17 +152,17 @@ pub fn level_results<B: Backend<Stored = f32>, const D: usize, const M: usize>(
     let (mut d, mut y, mut z) = (b.level_vector(n)?, b.level_vector(n)?, b.level_vector(n)?);
     let mut coarse = b.level_vector(M * coarse_rows)?;
 
-    // p = z + β p with the z in question, in the first iteration of a run: p = z.
     macro_rules! keep {
         ($z:expr) => {{
-            b.direction(&r_there, $z, &mut p, &mut state);
-            let mut out = vec![f64::NAN; n];
-            b.download(&p, &mut out)?;
-            results.push(out);
-            b.start(&r_there, &mut x, &mut right, &mut state, RUN);
+            let mut out = vec![f32::NAN; n];
+            b.read_level($z, &mut out)?;
+            results.push(out.into_iter().map(f64::from).collect());
         }};
     }
     b.start(&r_there, &mut x, &mut right, &mut state, RUN);
+    keep!(&right);
+    let written: Vec<f32> = r.iter().rev().map(|&v| v as f32).collect();
+    b.write_level(&written, &mut right);
     b.smooth_first(&state, &diagonal, 0.75, &right, &mut d, &mut y);
     keep!(&y);
     keep!(&d);
