@@ -22,8 +22,8 @@ const LEAST_REDUCTION: f64 = 1.5;
 /// A coarse unknown with less than this part of the stiffness under it moves freely.
 const FREE_LIMIT: f64 = 1e-13;
 /// Below the first aggregates, levels with fewer nodes a rank are left to the solver of all ranks, which gathers them on fewer.
-/// Aggregates of few nodes a rank are small, because they end at its rim: on 8 ranks with 88 nodes each PCG takes 17 iterations
-/// instead of 11, and with 33 on a coarser level 11.
+/// Aggregates of few nodes a rank are small, because they end at its rim: with 88 nodes on each of 8 ranks PCG took 17 iterations
+/// instead of 11. With this limit it takes as many on 16 ranks as on one, and PETSc gets small matrices, whose set-up is slow.
 const LEAST_NODES_PER_RANK: u64 = 200;
 /// Degree of the smoother on a coarsest level that is too large for an inverse.
 const COARSE_DEGREE: usize = 16;
@@ -132,6 +132,7 @@ struct Making<'a> {
     theta: [f64; 2],
     /// The level whose shape is needed next.
     level: usize,
+    /// The other ranks, if K is on several.
     others: Option<OnRanks<'a>>,
 }
 
