@@ -351,7 +351,7 @@ impl<S: Real> Hierarchy<S> {
             return Err(AmgError::TooLarge);
         }
         let skeleton = Skeleton::new(k, settings, &Ranks::default());
-        Self::of_skeleton(Some(skeleton), k, coordinates, vertices)
+        Self::of_skeleton(Some(skeleton), k, coordinates, vertices, None)
     }
 
     /// The hierarchy of a K with other values on the aggregates, the patches and the pattern of P of this one; the values of P,
@@ -365,7 +365,7 @@ impl<S: Real> Hierarchy<S> {
         coordinates: Option<&[[f64; D]]>,
         vertices: Option<&Vertices<D>>,
     ) -> Result<Self, AmgError> {
-        Self::of_skeleton(self.skeleton.clone(), k, coordinates, vertices)
+        Self::of_skeleton(self.skeleton.clone(), k, coordinates, vertices, None)
     }
 
     /// The levels above that of a solver on several ranks, which have the rows of K; columns are own ones, then those of the halo.
@@ -384,11 +384,7 @@ impl<S: Real> Hierarchy<S> {
             return Err(AmgError::TooLarge);
         }
         let skeleton = Skeleton::new(k, settings, ranks);
-        match (coordinates, D) {
-            (None, _) => skeleton.fill::<D, D, S>(k, None, None, Some(others)),
-            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices, Some(others)),
-            (Some(_), _) => skeleton.fill::<D, 6, S>(k, coordinates, vertices, Some(others)),
-        }
+        Self::of_skeleton(Some(skeleton), k, coordinates, vertices, Some(others))
     }
 
     fn of_skeleton<const D: usize>(
@@ -396,6 +392,7 @@ impl<S: Real> Hierarchy<S> {
         k: &BlockCsr<D>,
         coordinates: Option<&[[f64; D]]>,
         vertices: Option<&Vertices<D>>,
+        others: Option<OnRanks>,
     ) -> Result<Self, AmgError> {
         let Some(skeleton) = skeleton else {
             return Self::block_jacobi(k);
@@ -405,9 +402,9 @@ impl<S: Real> Hierarchy<S> {
                 found: points.len(),
                 expected: k.n_block_rows(),
             }),
-            (None, _) => skeleton.fill::<D, D, S>(k, None, None, None),
-            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices, None),
-            (Some(_), 3) => skeleton.fill::<D, 6, S>(k, coordinates, vertices, None),
+            (None, _) => skeleton.fill::<D, D, S>(k, None, None, others),
+            (Some(_), 2) => skeleton.fill::<D, 3, S>(k, coordinates, vertices, others),
+            (Some(_), 3) => skeleton.fill::<D, 6, S>(k, coordinates, vertices, others),
             (Some(_), _) => Err(AmgError::Shape),
         }
     }

@@ -236,7 +236,7 @@ impl<B: Backend> Multigrid<B> {
     ) -> Result<(), E> {
         self.clear();
         let skeleton = self.skeleton.clone();
-        let hierarchy = Hierarchy::of_skeleton(skeleton, k, coordinates, vertices)?;
+        let hierarchy = Hierarchy::of_skeleton(skeleton, k, coordinates, vertices, None)?;
         (self.levels, self.coarse) = there(backend, hierarchy.levels, hierarchy.coarse)?;
         Ok(())
     }
