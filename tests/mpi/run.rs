@@ -87,8 +87,6 @@ pub fn mpirun(ranks: usize, command: &mut Command) -> Output {
     for (name, value) in command.get_envs() {
         launcher.env(name, value.unwrap_or_default());
     }
-    // One rank by itself is a rank, too.
-    launcher.env("SIGNORINI_RANKS", "1");
     // Ranks that wait leave the cores to those that work, and to other programs.
     launcher.env("OMPI_MCA_mpi_yield_when_idle", "1");
     // Open MPI refuses to start anything as root, the user in containers; MPICH does not.
@@ -117,6 +115,8 @@ pub fn solved(ranks: Option<usize>, case: &Path, more: &[&str], directory: &Path
         .args(["--quiet", "--output"])
         .arg(directory);
     let run = match ranks {
+        // Otherwise it would be one process.
+        Some(1) => mpirun(1, command.env("SIGNORINI_RANKS", "1")),
         Some(ranks) => mpirun(ranks, &mut command),
         None => command.output().expect("the program"),
     };
