@@ -88,8 +88,10 @@ fn the_templates() {
     }
     // One rank is one process.
     let place = tempfile::tempdir().expect("a directory");
-    let one = solved(Some(1), &example("press.toml"), &[], place.path());
-    assert_eq!(one.report["backend"], "cpu");
+    let mut one = signorini("solve");
+    one.arg(example("press.toml")).args(["--quiet", "--output"]);
+    mpirun(1, one.arg(place.path()));
+    assert_eq!(report(place.path()).report["backend"], "cpu");
 }
 
 /// u and λ of a problem from matrices obey its conditions, which are checked from the files alone.
