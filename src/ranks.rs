@@ -101,7 +101,11 @@ impl Ranks {
 
     /// Whether this is true on any rank.
     pub fn any(&self, here: bool) -> bool {
-        self.max(f64::from(u8::from(here))) > 0.0
+        #[cfg(feature = "mpi")]
+        if let Some(group) = &self.group {
+            return group.any(here);
+        }
+        here
     }
 
     /// The number of this rank, and the count of each.

@@ -7,6 +7,7 @@ use crate::ranks::Halo;
 use crate::sparse::BlockCsr;
 use std::sync::Arc;
 
+/// Whether an element has nodes on its edges.
 fn is_of_second_order<const D: usize>(element: &Element<D>) -> bool
 where
     ElementKind: Topology<D>,

@@ -1,4 +1,4 @@
-//! A = B K⁻¹ Bᵀ with K on several ranks: conjugate gradients around our own finest level of multigrid, over PETSc's levels.
+//! A = B K⁻¹ Bᵀ with K on several ranks: conjugate gradients around our own levels of multigrid, over those of PETSc.
 //!
 //! λ is on all ranks, K, u, f and the columns of B are where their unknowns are. A product needs no message for Bᵀλ, those of
 //! the halo and of PETSc for K⁻¹, and one sum for B u.
@@ -166,7 +166,7 @@ impl<const D: usize> SquareBlocks for Spread<D> {
     }
 }
 
-/// The levels below the finest, by PETSc.
+/// The levels below ours, by PETSc.
 struct Petsc {
     preconditioner: Mutex<petsc::Preconditioner>,
     failure: Arc<Mutex<Option<PetscError>>>,
@@ -232,9 +232,9 @@ impl Distributed {
                 }
             }
         };
-        let hierarchy = match preconditioner {
-            Preconditioner::BlockJacobi => Ok(None),
-            Preconditioner::Multigrid => Hierarchy::on_ranks(
+        let made = match preconditioner {
+            Preconditioner::BlockJacobi => None,
+            Preconditioner::Multigrid => Some(Hierarchy::on_ranks(
                 &rows,
                 problem.coordinates(),
                 vertices.as_ref().map(|(vertices, _)| vertices),
@@ -244,21 +244,19 @@ impl Distributed {
                     corners: vertices.as_ref().map(|(_, halo)| halo),
                     below: &make,
                 },
-            )
-            .map(Some),
+            )),
         };
-        let (hierarchy, fallback) = match hierarchy {
-            Ok(Some(hierarchy)) => (hierarchy, None),
-            Ok(None) => (
-                Hierarchy::block_jacobi_on(&rows, &ranks).map_err(PcgError::from)?,
-                None,
-            ),
-            Err(error @ (AmgError::Below(_) | AmgError::TooLarge)) => (
-                Hierarchy::block_jacobi_on(&rows, &ranks).map_err(PcgError::from)?,
-                Some(format!("multigrid could not be set up ({error})")),
-            ),
-            Err(error) => return Err(PcgError::from(error).into()),
+        let fallback = match &made {
+            Some(Err(error @ (AmgError::Below(_) | AmgError::TooLarge))) => {
+                Some(format!("multigrid could not be set up ({error})"))
+            }
+            _ => None,
         };
+        let hierarchy = match made {
+            Some(made) if fallback.is_none() => made,
+            _ => Hierarchy::block_jacobi_on(&rows, &ranks),
+        };
+        let hierarchy = hierarchy.map_err(PcgError::from)?;
         let mut sizes: Vec<f64> = (hierarchy.sizes().iter())
             .map(|size| size.unknowns as f64)
             .collect();

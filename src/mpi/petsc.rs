@@ -342,11 +342,7 @@ const DEPENDENT: f64 = 1e-8;
 
 /// An orthonormal basis of the near-null space, by Gram–Schmidt, each vector twice.
 fn orthonormal(rows: &RowsBelow) -> Vec<Vec<f64>> {
-    let n = rows.block * rows.halo.own();
-    let mut count = [rows.modes.len() as f64, n as f64];
-    rows.halo.ranks().sum(&mut count);
-    let count = (count[0] / count[1]).round() as usize;
-    let ranks = rows.halo.ranks();
+    let (count, ranks) = (rows.n_modes, rows.halo.ranks());
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
     for k in 0..count {
         let mut mode: Vec<f64> = rows.modes.iter().skip(k).step_by(count).copied().collect();

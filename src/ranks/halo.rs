@@ -81,7 +81,7 @@ impl Halo {
         Self::new(&self.ranks, own, Vec::new())
     }
 
-    /// Makes copies of the rows with these numbers, as far as they are of other ranks. Collective.
+    /// Makes copies of those of these rows that belong to other ranks. Collective.
     pub fn reach(&mut self, numbers: impl Iterator<Item = u64>) {
         let mut others: Vec<u64> = numbers
             .filter(|&number| self.here(number).is_none())

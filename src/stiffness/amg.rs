@@ -218,7 +218,8 @@ pub(crate) struct RowsBelow<'a> {
     pub row_ptr: &'a [usize],
     pub col_idx: &'a [u32],
     pub entries: &'a [f64],
-    /// The values of all modes in each scalar row, one row after the other.
+    /// The number of modes, and the values of all of them in each scalar row, one row after the other.
+    pub n_modes: usize,
     pub modes: &'a [f64],
 }
 

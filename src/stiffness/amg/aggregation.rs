@@ -162,7 +162,7 @@ pub(super) struct Strength {
 /// number does not matter.
 const PULL: f32 = 0.05;
 
-/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node, `points` and it with copies. Where the points of the nodes are
+/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node. Weights and points include those of copies. Where the points of the nodes are
 /// known, strong and pulling ties are shorter than `reach` times the geometric mean of the shortest strong one of either
 /// node: in elements that are stretched in two directions, the ties along the diagonals are not weak, but long.
 pub(super) fn strength<const D: usize>(

@@ -15,6 +15,20 @@ struct OtherRows<B: Backend> {
     copies: B::LevelVector,
 }
 
+impl<B: Backend> OtherRows<B> {
+    /// With so many values of copies.
+    fn new(
+        backend: &mut B,
+        matrix: BlockMatrix<B::Stored>,
+        copies: usize,
+    ) -> Result<Self, BackendError> {
+        Ok(Self {
+            matrix: backend.level_matrix(matrix)?,
+            copies: backend.level_vector(copies)?,
+        })
+    }
+}
+
 /// The part of a level matrix that couples own rows to those of other ranks.
 struct MatrixBeyond<B: Backend> {
     /// A from copies to own rows.
@@ -37,16 +51,12 @@ impl<B: Backend> MatrixBeyond<B> {
     ) -> Result<Self, BackendError> {
         let [width, _] = matrix.block();
         let (rows, halo) = nodes.interface();
+        let picks = BlockMatrix::picks(width, &rows, nodes.own());
+        let copies = matrix.n_cols();
         Ok(Self {
             b: backend.level_vector(matrix.n_rows())?,
-            reach: OtherRows {
-                copies: backend.level_vector(matrix.n_cols())?,
-                matrix: backend.level_matrix(matrix)?,
-            },
-            interface: OtherRows {
-                copies: backend.level_vector(width * rows.len())?,
-                matrix: backend.level_matrix(BlockMatrix::picks(width, &rows, nodes.own()))?,
-            },
+            reach: OtherRows::new(backend, matrix, copies)?,
+            interface: OtherRows::new(backend, picks, width * rows.len())?,
             values: vec![B::Stored::default(); width * (rows.len() + nodes.copies())],
             halo,
             width,
@@ -93,15 +103,10 @@ impl<B: Backend> CoarseBeyond<B> {
         restriction: BlockMatrix<B::Stored>,
     ) -> Result<Self, BackendError> {
         let [_, width] = prolongation.block();
-        let mut other_rows = |matrix| {
-            Ok(OtherRows {
-                copies: backend.level_vector(width * halo.copies())?,
-                matrix: backend.level_matrix(matrix)?,
-            })
-        };
+        let copies = width * halo.copies();
         Ok(Self {
-            prolongation: other_rows(prolongation)?,
-            restriction: other_rows(restriction)?,
+            prolongation: OtherRows::new(backend, prolongation, copies)?,
+            restriction: OtherRows::new(backend, restriction, copies)?,
             values: vec![B::Stored::default(); width * (halo.own() + halo.copies())],
             halo,
             width,

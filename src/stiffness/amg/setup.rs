@@ -212,6 +212,7 @@ impl Making<'_> {
             row_ptr: a.row_ptr(),
             col_idx: a.col_idx(),
             entries: a.values().as_flattened().as_flattened(),
+            n_modes: M,
             modes: modes.as_flattened().as_flattened(),
         })?;
         Ok(Coarse::Below(Below {
