@@ -185,7 +185,7 @@ impl Default for Run {
 /// same.
 ///
 /// The estimate of eᵀKe is the sum over the last full block and the unfinished one. Up to nine iterations each term is
-/// a block, so the estimate is the last term; from then on a block is a fifth of all iterations, and the two blocks are
+/// a block, so the estimate is the last term. From then on a block is a fifth of all iterations, and the two blocks are
 /// at least that. Where PCG is slow, α rᵀz falls and rises by orders of magnitude, and a single term means nothing.
 /// Sums over blocks need neither a history nor differences, in which f32 would lose all digits.
 fn block_is_full(terms: usize, iterations: usize) -> bool {
@@ -364,8 +364,8 @@ pub trait Backend {
         d: &mut Self::LevelVector,
         x_next: &mut Self::LevelVector,
     );
-    /// A smoothing step from a residual r where D⁻¹ is a matrix, with a block for each node of a patch:
-    /// d = c₁ d + c₂ D⁻¹ r, x += d; without c₁ the first one, d = c₂ D⁻¹ r, x = d.
+    /// A smoothing step from a residual r where D⁻¹ is a matrix, with a block for each node of a patch: d = c₁ d + c₂
+    /// D⁻¹ r, x += d. The first one, without c₁, is d = c₂ D⁻¹ r, x = d.
     #[allow(clippy::too_many_arguments, reason = "one fused pass over this data")]
     fn smooth_patches(
         &mut self,

@@ -1,8 +1,8 @@
 //! The CPU against the GPU, and the direct against the iterative path, on the same contact problem.
 //!
 //! Times are wall times of one run on one machine: compare them within a run, not between machines. Beside each is its
-//! lower limit: the bytes that the algorithm must move (each input read once, each output written once) at the
-//! bandwidth of a copy measured in the same run.
+//! lower limit: the bytes that the algorithm must move at the bandwidth of a copy measured in the same run. Each input
+//! is read once, each output written once.
 
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::{Context, Gpu, GpuError};

@@ -10,8 +10,8 @@ use std::array::from_fn;
 /// A nearest point and its derivatives with respect to the data.
 pub(crate) type Projected<const D: usize> = ([f64; D], [[f64; D]; D]);
 
-/// The row of multiplier a of contact node i (of m) in λ = (λν, λτ): the normal one for a = 0, then those along the D −
-/// 1 tangents, which are adjacent.
+/// The row of multiplier a of contact node i (of m) in λ = (λν, λτ). The normal one is for a = 0; then come those along
+/// the D − 1 tangents, which are adjacent.
 pub(crate) fn row_of<const D: usize>(m: usize, i: usize, a: usize) -> usize {
     match a {
         0 => i,
@@ -94,7 +94,7 @@ impl<const D: usize> NodeSets<D> {
         usize::from(self.contact) + self.tangents().count()
     }
 
-    /// The number of differences in the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ; slip in the opposite direction is another set,
+    /// The number of differences in the two sets, 𝒜ν or ℐν and 𝒜τ or ℐτ. Slip in the opposite direction is another set,
     /// slip in a direction that has turned is not.
     pub fn differences(&self, other: &Self) -> usize {
         let slips = match (self.slip, other.slip) {
@@ -191,8 +191,9 @@ impl Disc {
         self.sets(!(lambda[0] <= 0.0 && r[0] >= 0.0), pushed.then_some(s))
     }
 
-    /// The sets at a solution λ ∈ Λ with gradient r. Up to the tolerance, points within the disc are as good as those on
-    /// its border, so the prediction z = λ − ρr decides the set of λτ; where g = 0, the direction of slip r = −Tu does.
+    /// The sets at a solution λ ∈ Λ with gradient r. Up to the tolerance, points within the disc are as good as those
+    /// on its border, so the prediction z = λ − ρr decides the set of λτ. Where g = 0, the direction of slip r = −Tu
+    /// does.
     pub fn at_solution<const D: usize>(
         self,
         lambda: [f64; D],
@@ -226,8 +227,8 @@ impl Disc {
         !(tangential(lambda) < within * self.g)
     }
 
-    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to reverse:
-    /// Newton's step turns it along the tangent, and moving it elsewhere first would cost a product.
+    /// The sets of Step 2 with the direction of slip that a λτ on its circle has already, unless it is to reverse.
+    /// Newton's step turns it along the tangent; moving it elsewhere first would cost a product.
     pub fn predict_from<const D: usize>(self, lambda: [f64; D], z: [f64; D]) -> NodeSets<D> {
         let mut sets = self.predict(z);
         if let Some(s) = &mut sets.slip

@@ -102,13 +102,13 @@ where
     /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
     pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
-    /// obstacle; None: half the diagonal of the box around the smaller boundary.
+    /// obstacle. None: half the diagonal of the box around the smaller boundary.
     pub search_distance: Option<f64>,
     /// Whether bodies are going to move: a facet counts as wholly covered if hardly anything of it is missed, as where they have
     /// moved.
     pub moves: bool,
-    /// Between bodies that have moved, the mesh at rest: fields are functions of places there, edges cut the boundaries into
-    /// parts as they did there, and gaps are the distances of the moved boundaries, of either sign.
+    /// Between bodies that have moved, the mesh at rest. Fields are functions of places there, and edges cut the
+    /// boundaries into parts as they did there. Gaps are the distances of the moved boundaries, of either sign.
     pub rest: Option<&'a Mesh<D>>,
 }
 
@@ -178,7 +178,7 @@ where
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror
-    /// image were there; not where that would make a sharp edge with it.
+    /// image were there. Not where that would make a sharp edge with it.
     fn within_planes(&self, normal: [f64; D], nodes: &[u32]) -> [f64; D] {
         let planes =
             |node: &u32| (self.symmetry.and_then(|all| all.get(node))).map_or(&[][..], |v| v);
@@ -231,17 +231,19 @@ pub struct ContactPlace<const D: usize = 2> {
     pub partners: Vec<(u32, f64)>,
     /// Both sides in the row along each direction of the frame, where nodes of its own side are held; otherwise empty.
     pub directed: Vec<[Vec<(u32, f64)>; 2]>,
-    /// Further nodes in the row along each direction of the frame, each with the vector that its displacement is multiplied by there:
-    /// of couplings, sectors and obstacles that move; otherwise empty.
+    /// Further nodes in the row along each direction of the frame, of couplings, sectors and obstacles that move. Each
+    /// has the vector that its displacement is multiplied by there; otherwise empty.
     pub further: Vec<Vec<(u32, [f64; D])>>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
-    /// makes them. (Of nodes that move alike the axes along which they do, of springs their direction, and zeros for the others.)
+    /// makes them. Nodes that move alike have the axes along which they do, springs their direction, and zeros for the
+    /// others.
     pub frame: [[f64; D]; D],
     /// Initial distance along ν.
     pub gap: f64,
-    /// ∫ β ds times the thickness over the part that may come into contact, with the function β of the place (at a node φ):
-    /// the area that turns forces into stresses. On facets of second order between bodies it is |∫ β n ds|, with which a
-    /// uniform pressure on a curved surface is uniform to 1e-5 where ∫ β ds is off by 1e-3 (rings of 8 facets a quarter).
+    /// ∫ β ds times the thickness over the part that may come into contact, with the function β of the place (at a node
+    /// φ). This is the area that turns forces into stresses. On facets of second order between bodies it is |∫ β n ds|.
+    /// With it a uniform pressure on a curved surface is uniform to 1e-5, where ∫ β ds is off by 1e-3 (rings of 8
+    /// facets a quarter).
     pub area: f64,
     /// Places with the same number share one displayed pressure: a force on hardly any area means little by itself.
     pub pool: u32,
@@ -291,9 +293,9 @@ pub(crate) fn mean<const D: usize>(
     sum
 }
 
-/// The orthonormal directions that begin with the unit vector ν. In the plane the tangent is ν turned
-/// counter-clockwise by a right angle; in space the tangents are the images of the first axes under the reflection
-/// that takes the last axis to ±ν.
+/// The orthonormal directions that begin with the unit vector ν. In the plane the tangent is ν turned counter-clockwise
+/// by a right angle. In space the tangents are the images of the first axes under the reflection that takes the last
+/// axis to ±ν.
 pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
     let mut frame = [normal; D];
     if D == 2 {

@@ -55,8 +55,8 @@ pub enum Accuracy {
     /// PCG lowers eᵀKe by α rᵀz in every iteration: Hestenes and Stiefel, J. Res. Nat. Bur. Standards 49 (1952)
     /// 409–436, §6; Strakoš and Tichý, ETNA 13 (2002) 56–80. Over up to nine iterations, the remainder is estimated
     /// from the last of these terms and from how fast they fell in earlier runs. A longer run has met a slow part of
-    /// the spectrum, where they fall and rise again: there the sum over the last fifth to third of the iterations is
-    /// the estimate. No such estimate sees a part of the spectrum that PCG has not reached yet: with a stiff inclusion
+    /// the spectrum, where they fall and rise again. There the sum over the last fifth to third of the iterations is
+    /// the estimate. No such estimate sees a part of the spectrum that PCG has not reached yet. With a stiff inclusion
     /// that begins to move only after many iterations, the error is underestimated.
     Energy {
         /// Of √(eᵀKe).

@@ -63,8 +63,8 @@ impl From<PcgError> for DualError {
 /// says so.
 ///
 /// # Example
-/// A K whose inverse is only a closure: a chain of springs between two walls with a known inverse, whose third and sixth links
-/// may move by 0.1 until they touch. The problem itself has only the diagonal of K.
+/// A K whose inverse is only a closure: a chain of springs between two walls with a known inverse. Its third and sixth
+/// links may move by 0.1 until they touch. The problem itself has only the diagonal of K.
 ///
 /// ```
 /// use signorini::control::{Accuracy, Stop};
@@ -192,8 +192,8 @@ pub trait DualOperator {
     /// K u, and |K| s with the absolute values of the entries of K: the rounding scale of K u where u is known to s. The
     /// final check measures forces by it.
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError>;
-    /// PCG iterations of one system K x = f, f the last one, to a relative residual of `tolerance`, not counted in the costs;
-    /// None where K⁻¹ is not applied by iterations.
+    /// PCG iterations of one system K x = f, f the last one, to a relative residual of `tolerance`. They are not
+    /// counted in the costs. None where K⁻¹ is not applied by iterations.
     fn linear_iterations(&mut self, _tolerance: f64) -> Result<Option<usize>, DualError> {
         Ok(None)
     }
@@ -202,8 +202,8 @@ pub trait DualOperator {
     fn matrix(&self) -> Option<Csr> {
         None
     }
-    /// Refines u from here on as far as f64 allows, and computes r from it, if K is badly conditioned and u is not refined yet;
-    /// false if there is nothing to gain.
+    /// Refines u from here on to the accuracy that f64 allows, and computes r from it, if K is badly conditioned and u
+    /// is not refined yet. False if there is nothing to gain.
     fn refine(&mut self) -> bool {
         false
     }

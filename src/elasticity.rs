@@ -1,10 +1,10 @@
 //! Linear elasticity: materials, supports, loads, the stiffness matrix K and stresses.
 //!
-//! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration, except
-//! for the dilatation of nearly incompressible ones (`dilatation.rs`). Those of first order have incompatible modes where the
-//! material has them (`modes.rs`). Forces in the plane are per body of the given thickness, those of bodies of revolution for
-//! the whole ring; coordinates, moduli and tractions may be in any consistent units (metres, pascals and newtons in the
-//! documentation).
+//! Small strains, isotropic materials; elements of first and of second order (`mesh/shape`), all with full integration,
+//! except for the dilatation of nearly incompressible ones (`dilatation.rs`). Those of first order have incompatible
+//! modes where the material has them (`modes.rs`). Forces in the plane are per body of the given thickness, those of
+//! bodies of revolution for the whole ring. Coordinates, moduli and tractions may be in any consistent units (metres,
+//! pascals and newtons in the documentation).
 
 mod assembly;
 mod bedding;
@@ -69,8 +69,8 @@ pub enum Hyperelastic {
     NeoHooke,
 }
 
-/// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5: not that of 3-node triangles, 6-node
-/// triangles and 4-node tetrahedra, and not in plane stress, where nothing locks.
+/// Whether the dilatation of elements is projected, so that they do not lock near ν = 0.5. It is not for 3-node
+/// triangles, 6-node triangles and 4-node tetrahedra, and not in plane stress, where nothing locks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Incompressible {
     /// From ν = 0.45 on.
@@ -94,8 +94,8 @@ pub enum Plane {
     PlaneStrain,
     /// No stress perpendicular to the plane: a thin sheet.
     PlaneStress,
-    /// A body of revolution about x = 0 that moves only in planes through this axis: x is the radius, y the position along
-    /// the axis, and the direction perpendicular to the plane (z) is circumferential, with the strain u_x/x.
+    /// A body of revolution about x = 0 that moves only in planes through this axis. x is the radius, y the position
+    /// along the axis, and the direction perpendicular to the plane (z) is circumferential, with the strain u_x/x.
     Axisymmetric,
 }
 
@@ -170,8 +170,8 @@ impl Material {
         (lambda, mu)
     }
 
-    /// The pressure in Pa that holds it in place where it is one degree warmer, in the directions of the plane: (3λ + 2μ) α, or
-    /// (2λ + 2μ) α in plane stress, with the λ of that.
+    /// The pressure in Pa that holds it in place where it is one degree warmer, in the directions of the plane. It is
+    /// (3λ + 2μ) α, or (2λ + 2μ) α in plane stress, with the λ of that.
     pub(crate) fn thermal_pressure(&self, plane: Plane) -> f64 {
         let (lambda, mu) = self.lame(plane);
         let directions = match plane {

@@ -77,21 +77,21 @@ pub enum EngineError {
 /// From this number of unknowns on, a GPU is worth its launches in `Auto`.
 const WORTH_A_GPU: usize = 50_000;
 
-/// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown; seconds of the
-/// iterative path for an unknown of the plane and of space, all of it, shared by up to this many threads. Measured with
-/// the reference problems of n = 2e5 to 8e5, in space of 2e4 to 1e6, on two cores (`signorini bench`); only their ratio
+/// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown. Then seconds of the
+/// whole iterative path for an unknown of the plane and of space, shared by up to this many threads. Measured with the
+/// reference problems of n = 2e5 to 8e5, in space of 2e4 to 1e6, on two cores (`signorini bench`); only their ratio
 /// matters.
 const FACTOR_OPERATION: f64 = 5e-11;
 const FACTOR_UNKNOWN: f64 = 1.2e-6;
 const ITERATIVE_UNKNOWN: f64 = 12e-6;
 const ITERATIVE_UNKNOWN_IN_SPACE: f64 = 30e-6;
 const ITERATIVE_THREADS: f64 = 8.0;
-/// Blocks in a row of those problems, of bilinear quadrilaterals and trilinear hexahedra: with elements of second order rows are
-/// longer (16 and 64 on average with all middle nodes), and an iteration takes as many times more.
+/// Blocks in a row of those problems, of bilinear quadrilaterals and trilinear hexahedra. With elements of second order
+/// rows are longer (16 and 64 on average with all middle nodes), and an iteration takes as many times more.
 const LONG_ROW: f64 = 9.0;
 const LONG_ROW_IN_SPACE: f64 = 27.0;
-/// The factor is taken up to this multiple of the time that PCG is predicted to take: its own time is certain, while that of PCG
-/// grows on meshes with stretched elements or hard inclusions.
+/// The factor is taken up to this multiple of the time that PCG is predicted to take. Its own time is certain, while
+/// that of PCG grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
 /// Predictions below this many seconds are not logged.
 const WORTH_A_WORD: f64 = 1.0;
@@ -140,8 +140,8 @@ type Again = dyn Fn(bool, &EngineOptions, &mut dyn FnMut(&str)) -> Result<Path, 
 /// With [`Device::Auto`] a GPU that fails in the middle of a solve is replaced by the CPU: the current product is made again
 /// and nothing else is lost.
 ///
-/// It owns its data, and may be kept, moved to another thread and used again. All problems that differ only by load, gap,
-/// origin of slip, slip bounds and coefficients of friction share one factor or one hierarchy, and each solve knows the
+/// It owns its data, and may be kept, moved to another thread and used again. Problems that differ only by load, gap,
+/// origin of slip, slip bounds and coefficients of friction share one factor or one hierarchy. Each solve knows the
 /// products of earlier ones.
 ///
 /// # Example

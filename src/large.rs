@@ -33,11 +33,12 @@ const CUTS: i32 = 8;
 const PRESSED: f64 = 0.1;
 /// The tolerance of an inner problem over the present violation: 0.5 takes twice the iterations.
 const INNER: f64 = 0.01;
-/// Sets that have alternated take half a step where the violation has not become smaller than this part of what it was two iterations
-/// before: without half steps the tool of `examples/ironing.toml` did not come to its end at four of eight depths from 1.5 to 3.25 mm.
+/// Sets that have alternated take half a step where the violation has not become smaller than this part of its value
+/// two iterations before. Without half steps the tool of `examples/ironing.toml` did not come to its end at four of
+/// eight depths from 1.5 to 3.25 mm.
 const STUCK: f64 = 0.5;
-/// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with obstacles that press as
-/// stiff as the bodies, and a hundred times stiffer; without stresses that soften the bodies.
+/// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with obstacles
+/// that press as stiff as the bodies, and a hundred times stiffer; without stresses that soften the bodies.
 const HELP: [Help; 5] = {
     const fn help(turning: bool, held: f64) -> Help {
         Help {
@@ -363,8 +364,8 @@ where
         if is_definite(at)? {
             return Ok(true);
         }
-        // Pressures up to a free edge are not conservative, and the symmetric part of their turn may be indefinite where bodies are
-        // stable; so may that of pairs, which counts only as long as they stay closed.
+        // Pressures up to a free edge are not conservative, and the symmetric part of their turn may be indefinite
+        // where bodies are stable. So may that of pairs, which counts only as long as they stay closed.
         let also_without = self.elastic.has_pressures() || self.elastic.slides_anywhere();
         let turning = [true, false]
             .into_iter()

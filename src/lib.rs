@@ -14,12 +14,12 @@
 //!
 //! In space λτ has two components for each contact node, and |λτ,i| is their Euclidean length.
 //!
-//! K is the stiffness matrix, the rows of N and T measure the displacement of a contact node towards the obstacle and along
-//! the boundary, d is the initial gap and g the slip bound. Eliminating u leaves the minimisation of a quadratic function
-//! over simple bounds (in space also discs) in the multipliers alone, which the inexact semi-smooth Newton method of Kučera,
-//! Motyčková and Markopoulos solves in few products with A = B K⁻¹ Bᵀ, B = (N; T).
+//! K is the stiffness matrix. The rows of N and T measure the displacement of a contact node towards the obstacle and
+//! along the boundary. d is the initial gap and g the slip bound. Eliminating u leaves the minimisation of a quadratic
+//! function over simple bounds (in space also discs) in the multipliers alone. The inexact semi-smooth Newton method of
+//! Kučera, Motyčková and Markopoulos solves it in few products with A = B K⁻¹ Bᵀ, B = (N; T).
 //!
-//! Bodies that can move as a whole make K singular; their rigid motions R are found from the coordinates
+//! Bodies that can move as a whole make K singular. Their rigid motions R are found from the coordinates
 //! ([`problem::FloatingBodies`]), u = K⁺(f − Bᵀλ) + Rα, and λ has to balance them: Rᵀ(f − Bᵀλ) = 0.
 //!
 //! Under Coulomb's law g = μ λν is part of the solution, and of the Newton steps

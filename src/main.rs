@@ -7,10 +7,10 @@ fn main() -> std::process::ExitCode {
     signorini::cli::run(env::args_os()).into()
 }
 
-/// Disables Mesa's layer that orders Vulkan devices, where it would only write errors: it asks Wayland for the device of the
-/// screen, and without a directory for that (over ssh, in containers and batch jobs) libwayland writes `error: XDG_RUNTIME_DIR is
-/// invalid or not set` into each run that looks for a GPU. `NODEVICE_SELECT` is the layer's own switch. It stays on for users who
-/// select a device with it.
+/// Disables Mesa's layer that orders Vulkan devices, where it would only write errors: it asks Wayland for the device
+/// of the screen. Without a directory for that (over ssh, in containers and batch jobs) libwayland writes
+/// `error: XDG_RUNTIME_DIR is invalid or not set` into each run that looks for a GPU. `NODEVICE_SELECT` is the layer's
+/// own switch. It stays on for users who select a device with it.
 fn without_device_selection() {
     let is_there = env::var_os("XDG_RUNTIME_DIR")
         .is_some_and(|path| path.as_encoded_bytes().starts_with(b"/"));

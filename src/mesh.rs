@@ -58,10 +58,10 @@ where
     pub regions: Vec<String>,
     /// The regions behind each name: every region under its own name, and groups of them that may overlap.
     pub groups: BTreeMap<String, Vec<u32>>,
-    /// Named boundaries: in the plane edges (from, to) with the body on the left, so that the outward normal points
-    /// right; in space faces with corners counter-clockwise as seen from outside. Those listed in [`Self::faults`] also
-    /// hold facets between elements, which have no outward normal: [`Mesh::outer_facets`] and [`Mesh::facets`] check
-    /// for them.
+    /// Named boundaries. In the plane they are edges (from, to) with the body on the left, so that the outward normal
+    /// points right. In space they are faces with corners counter-clockwise as seen from outside. Those listed in
+    /// [`Self::faults`] also hold facets between elements, which have no outward normal: [`Mesh::outer_facets`] and
+    /// [`Mesh::facets`] check for them.
     pub boundaries: BTreeMap<String, Vec<Facet<D>>>,
     /// Named sets of nodes, each sorted and without repeats, whether or not they make up facets: node sets of an Abaqus input
     /// file, physical points of a Gmsh file.
@@ -342,10 +342,10 @@ where
         })
     }
 
-    /// A mesh from its parts. It checks them, reverses elements with the wrong orientation, counts copies of elements once,
-    /// gives serendipity elements mid-face nodes where neighbours have them, drops nodes that no element uses, and orients the
-    /// facets of boundaries so that the body is behind them. Boundaries may have facets that are not on the outside:
-    /// [`Self::faults`] lists them.
+    /// A mesh from its parts. It checks them, reverses elements with the wrong orientation, and counts copies of
+    /// elements once. It gives serendipity elements mid-face nodes where neighbours have them, and drops nodes that no
+    /// element uses. It orients the facets of boundaries so that the body is behind them. Boundaries may have facets
+    /// that are not on the outside: [`Self::faults`] lists them.
     ///
     /// # Errors
     /// If elements or boundaries refer to missing nodes or regions, elements have no area (volume), fold over themselves or

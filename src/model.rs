@@ -315,8 +315,8 @@ where
         self
     }
 
-    /// A steady rotation about an axis, in rad/s, as its centrifugal force, which acts where a material has a density; the
-    /// bodies are seen from a frame that turns with them. Load factors multiply the force, not the speed.
+    /// A steady rotation about an axis, in rad/s, as its centrifugal force, which acts where a material has a density.
+    /// The bodies are seen from a frame that turns with them. Load factors multiply the force, not the speed.
     pub fn rotation(mut self, axis: Axis<D>, speed: f64) -> Self {
         let (point, axis) = axis.stated();
         self.definition.analysis.rotation = Some(Rotation {

@@ -1,10 +1,10 @@
 //! The same solve on several machines: MPI for the processes, PETSc for the coarsest levels of multigrid
 //! (feature `mpi`).
 //!
-//! Each process, a *rank*, has the rows of K that belong to its nodes, with u and f there and the columns of B; no rank has all of
-//! K. λ and the Newton method are on all ranks, the same to the last bit: rank 0 adds up every sum over unknowns and sends it to
-//! the others. All functions here are collective: every rank has to call them, in the same order. docs/mpi.md has the options of
-//! PETSc, measurements and limits.
+//! Each process, a *rank*, has the rows of K that belong to its nodes, with u and f there and the columns of B; no rank
+//! has all of K. λ and the Newton method are on all ranks, the same to the last bit, because rank 0 adds up every sum
+//! over unknowns and sends it to the others. All functions here are collective: every rank has to call them, in the
+//! same order. docs/mpi.md has the options of PETSc, measurements and limits.
 //!
 //! A model is cut up by rank 0 ([`Share::of_model`]); a program whose matrices are already distributed passes the rows of each rank
 //! ([`Share::of_rows`]). An error of PETSc's on one rank leaves the others waiting: the rank with the error has to end all of them

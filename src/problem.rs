@@ -59,9 +59,9 @@ pub struct ContactData<const D: usize = 2> {
     pub load: Vec<f64>,
     /// N, m × n: the displacement of contact node i towards the obstacle is (N u)ᵢ.
     pub normal: Csr,
-    /// T, (D − 1)m × n: the displacement of contact node i along the boundary is (T u)ᵢ; in space its components
-    /// along two directions at right angles, rows 2i and 2i + 1 counted from 0. All rows of a node may be empty
-    /// where gᵢ = 0 (it cannot move sideways), and in space one of the two (it can move along a line).
+    /// T, (D − 1)m × n: the displacement of contact node i along the boundary is (T u)ᵢ. In space rows 2i and 2i + 1,
+    /// counted from 0, are its components along two directions at right angles. All rows of a node may be empty where
+    /// gᵢ = 0 (it cannot move sideways), and in space one of the two (it can move along a line).
     pub tangential: Csr,
     /// d, length m: the initial gap, ≥ 0.
     pub gap: Vec<f64>,
@@ -222,9 +222,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Makes contact compliant: with C = diag(`compliance`) ≥ 0, length D m, in the order of λ and in m/N (1/(k a) for a stiffness
-    /// k per area on an area a), (2) and (3) hold for N u − Cν λν and T u − Cτ λτ. The gap may close by Cν λν, and slip begins
-    /// after Cτ λτ. An empty vector, or zeros: hard contact.
+    /// Makes contact compliant, with C = diag(`compliance`) ≥ 0, length D m, in the order of λ and in m/N (1/(k a) for
+    /// a stiffness k per area on an area a). (2) and (3) hold for N u − Cν λν and T u − Cτ λτ. The gap may close by Cν
+    /// λν, and slip begins after Cτ λτ. An empty vector, or zeros: hard contact.
     ///
     /// In space both tangents of a node have the same compliance. A row of T without entries has none. Rows with a compliance may
     /// depend on each other: see [`Matrices::compliance`].
@@ -239,8 +239,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
-    /// Ties contact nodes: their multipliers are free in every direction, and N u = d and T u = 0 hold there (with a compliance,
-    /// N u − Cν λν and T u − Cτ λτ). Their slip bound is infinite from here on. m entries, or none: no node is tied.
+    /// Ties contact nodes. Their multipliers are free in every direction, and N u = d and T u = 0 hold there (with a
+    /// compliance, N u − Cν λν and T u − Cτ λτ). Their slip bound is infinite from here on. m entries, or none: no node
+    /// is tied.
     ///
     /// # Errors
     /// If the length is neither m nor 0.

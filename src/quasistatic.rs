@@ -1,9 +1,9 @@
 //! Load steps and Coulomb friction: sequences of contact problems (1)–(3).
 //!
-//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem (1)–(3) in the
-//! whole displacement u under the whole load, with T(u − ū) instead of T u, where ū is the displacement before (for compliant
-//! contact minus the contact's own compression). Only the origin of slip carries the history, so an earlier, larger load leaves
-//! nothing in the load or the gap of a smaller one.
+//! **Load steps.** In a quasi-static process friction acts on the slip since the last step. A step is a problem (1)–(3)
+//! in the whole displacement u under the whole load, with T(u − ū) instead of T u. There ū is the displacement before
+//! (for compliant contact minus the contact's own compression). Only the origin of slip carries the history, so an
+//! earlier, larger load leaves nothing in the load or the gap of a smaller one.
 //!
 //! **Coulomb friction** is part of the Newton steps (`ssnm`). They minimise no function, so they may fail. Then bodies that only
 //! contact holds are put on weak springs (`springs`), which show whether anything holds them, and Newton steps continue from

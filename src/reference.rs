@@ -1,9 +1,8 @@
 //! The reference problems: the two geometries that have the sizes of the paper's Table 1, and the two
 //! load cases on which counts and timings are compared.
 //!
-//! The paper prints n and m and nothing else about its example. Both geometries here reproduce all of
-//! its pairs n/m (k = 1, 3, …, 13); material and loads are those usual in this family of tests, and the
-//! slip bound is our choice.
+//! The paper prints n and m and nothing else about its example. Both geometries here reproduce all of its pairs n/m
+//! (k = 1, 3, …, 13). Material and loads are those usual in this family of tests, and the slip bound is our choice.
 
 mod solid;
 

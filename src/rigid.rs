@@ -43,8 +43,8 @@ impl<const D: usize> Frame<D> {
         }
     }
 
-    /// The first M rigid-body motions at x, `[c][k]` being the component c of motion k: translations along the axes,
-    /// then the rotation of the plane, or those about x, y and z; zero beyond [`count`].
+    /// The first M rigid-body motions at x, `[c][k]` being the component c of motion k. They are translations along the
+    /// axes, then the rotation of the plane, or those about x, y and z; zero beyond [`count`].
     pub fn motions<const M: usize>(&self, x: &[f64; D]) -> [[f64; M]; D] {
         const { assert!((D == 2 || D == 3) && D <= M) };
         let mut motions = [[0.0; M]; D];

@@ -1,8 +1,8 @@
 //! Sparse matrices with dense `R × C` blocks, in compressed rows.
 //!
-//! One type serves the stiffness matrix (2 × 2, a block per pair of nodes), the rows of N and T (1 × 1,
-//! see [`Csr`]) and the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices
-//! are `u32` and sorted within a row.
+//! One type serves the stiffness matrix (2 × 2, a block per pair of nodes) and the rows of N and T (1 × 1, see
+//! [`Csr`]). It also serves the coarse matrices and prolongations of multigrid (3 × 3 and 2 × 3). Column indices are
+//! `u32` and sorted within a row.
 
 pub(crate) mod lu;
 pub mod stored;
@@ -43,7 +43,7 @@ impl<T, F: FnMut() -> T> WithSimd for Vectorised<F> {
 
 /// Runs a block with the vector instructions of the processor; its sums keep their order.
 ///
-/// A closure is compiled for them only inside the function that enables them: it has to be inlined, and must not be an
+/// A closure is compiled for them only inside the function that enables them. It has to be inlined, and must not be an
 /// `FnOnce`, which would get a separate function in between.
 macro_rules! vectorised {
     ($work:block) => {
@@ -222,9 +222,8 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
     /// A matrix from its parts.
     ///
     /// # Panics
-    /// If the parts do not describe a matrix (lengths, order of the columns, indices in range): they
-    /// come from our own assembly, and kernels on a GPU look nothing up twice. Data of users goes through
-    /// [`BlockCsr::from_triplets`].
+    /// If the parts do not describe a matrix (lengths, order of the columns, indices in range). They come from our own
+    /// assembly, and kernels on a GPU look nothing up twice. Data of users goes through [`BlockCsr::from_triplets`].
     pub fn from_parts(
         n_block_rows: usize,
         n_block_cols: usize,
@@ -342,7 +341,7 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         });
     }
 
-    /// Passes each block row of y, with the same rows of x (if given) and of M x, to `finish`; returns the sum of its
+    /// Passes each block row of y, with the same rows of x (if given) and of M x, to `finish`. Returns the sum of its
     /// results, made in tasks of a fixed size so that the number of threads does not change it.
     ///
     /// # Panics

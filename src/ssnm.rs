@@ -4,14 +4,14 @@
 //! ‖λτ,i‖ ≤ gᵢ. The cost is counted in products with A.
 //!
 //! **On a surrogate** (`multisecant`, the default; `docs/method.md`). All known pairs (v, Av) make a surrogate Ã of A
-//! (`surrogate`). Each outer step solves the whole contact problem with Aλ − b replaced by rᵏ + Ã(λ − λᵏ), without products
-//! (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs), and spends one product on the step to its solution. The
-//! product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
+//! (`surrogate`). Each outer step solves the whole contact problem with Aλ − b replaced by rᵏ + Ã(λ − λᵏ), without
+//! products (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs). It spends one product on the step to
+//! its solution. The product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
 //!
-//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2), minimises q with the inactive
-//! multipliers on their bounds by conjugate gradients (Step 3), and measures the reduced gradient (10) at the projection of the
-//! result (Step 3.4). The next sets are those of the result itself, and λ continues from its projection, with the inactive
-//! multipliers on the bounds of these sets.
+//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2). It minimises q with the
+//! inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the reduced gradient (10) at the
+//! projection of the result (Step 3.4). The next sets are those of the result itself, and λ continues from its
+//! projection, with the inactive multipliers on the bounds of these sets.
 //!
 //! | of the paper | where |
 //! |---|---|
@@ -27,24 +27,25 @@
 //!
 //! Extensions beyond the text of the paper have the same solutions, except for Coulomb's law, which the paper does not treat:
 //!
-//! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is rτ + κλτ = 0, so
-//!   that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`), κ costs no product, and CG is
-//!   preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle.
+//! - **Discs.** In space λτ of a node that slips moves along the tangent of its circle. Complementarity there is rτ +
+//!   κλτ = 0, so that (11) becomes min ½ zᵀ(A + diag κ)z + zᵀr over one tangent per slipping node (`face`). κ costs no
+//!   product, and CG is preconditioned by diag(c + κ), c the mean of diag(A). P_Λ takes λτ back to the circle.
 //! - **Products** made by iterations are only as accurate as necessary, and r is computed from a u that follows λ (`products`).
 //! - **Multipliers are scaled** (`scaling`) where the stiffness under the contact varies by more than a factor of four.
-//! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e} (`dual::balance`). Its projection,
-//!   which costs no product with A, replaces P_Λ everywhere. The multiplier of the balance in the projection of λ − ρ(Aλ − b) is
-//!   ρα, where α is the rigid-body motion: r is Aλ − b − Gᵀα with this α. So bodies cross gaps, tip over and come to rest in the
-//!   projection, the sets are always those of forces in balance, and an empty Λₑ is detected before the first product.
-//! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in each Newton step, and
-//!   the error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised then: the method takes the
-//!   point of least error on the chord.
-//! - **The stop** is err ≤ ε times the largest of three errors: err⁰, the effect of the forces on their own nodes, and the rounding
-//!   of r divided by ε (`check`, Step 1). In addition, forces have to be as accurate as ε requires (`goal`), and the optimality
-//!   conditions are checked against K.
+//! - **Bodies are kept in balance.** Where bodies can move as a whole, Λ is Λₑ = {λ ∈ Λ: Gλ = e} (`dual::balance`). Its
+//!   projection, which costs no product with A, replaces P_Λ everywhere. The multiplier of the balance in the
+//!   projection of λ − ρ(Aλ − b) is ρα, where α is the rigid-body motion: r is Aλ − b − Gᵀα with this α. So bodies
+//!   cross gaps, tip over and come to rest in the projection. The sets are always those of forces in balance, and an
+//!   empty Λₑ is detected before the first product.
+//! - **Coulomb's law.** Where g = μλν the tangential multipliers of slipping nodes follow the normal ones in each
+//!   Newton step. The error (10) is that with g = μλν of the same point (`docs/coulomb.md`). Nothing is minimised then:
+//!   the method takes the point of least error on the chord.
+//! - **The stop** is err ≤ ε times the largest of three errors: err⁰, the effect of the forces on their own nodes, and
+//!   the rounding of r divided by ε (`check`, Step 1). In addition, forces have to be as accurate as ε requires
+//!   (`goal`), and the optimality conditions are checked against K.
 //! - **Numbers** that come neither from the paper nor from the user are in one table (`numbers`).
-//! - **Safeguards.** Under given bounds q decreases in each step on the surrogate, by the minimum on the chord, as far as products
-//!   are exact; the algorithms as printed are made to converge by projected gradient steps (`safeguard`).
+//! - **Safeguards.** Under given bounds q decreases in each step on the surrogate, by the minimum on the chord, up to
+//!   the error of products. Projected gradient steps make the algorithms as printed converge (`safeguard`).
 
 mod check;
 mod face;
@@ -85,8 +86,8 @@ use std::time::Instant;
 
 /// The violation of the optimality conditions that `converged` allows, relative to ε.
 pub(crate) const MET: f64 = 10.0;
-/// Exact up to rounding, as far as solvers reach: the residual of the inner problems in Algorithm SSNM relative to err⁰,
-/// the error of its products by PCG, and the residual below which a more accurate u gains nothing.
+/// Exact up to rounding, to the limit of solvers. This is the residual of the inner problems in Algorithm SSNM relative
+/// to err⁰, the error of its products by PCG, and the residual below which a more accurate u gains nothing.
 const EXACT: f64 = 1e-12;
 
 /// Solves the problem from λ⁰ = 0: [`solve_from`].
@@ -102,8 +103,8 @@ pub fn solve<const D: usize, K>(
     solve_from(WarmStart::default(), problem, dual, settings, observer)
 }
 
-/// Solves the problem with a dual operator made for it, or for one with the same K, N and T: load and gap are passed to the
-/// operator with each request.
+/// Solves the problem with a dual operator made for it, or for one with the same K, N and T. Load and gap are passed to
+/// the operator with each request.
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///

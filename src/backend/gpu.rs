@@ -1,11 +1,11 @@
 //! A GPU, through wgpu: the WGSL kernels in `shaders/`.
 //!
 //! - **Segments.** No storage binding may exceed a limit of the adapter (128 MiB on a software adapter, 2 GiB − 1 on
-//!   real ones), so vectors are cut into segments and matrices into parts (rows of one segment × columns of one
-//!   segment, cut further by rows); each gets its own dispatch. Nearly always there is one of each.
+//!   real ones). So vectors are cut into segments, and matrices into parts (rows of one segment × columns of one
+//!   segment, cut further by rows). Each gets its own dispatch. Nearly always there is one of each.
 //! - **Scalars stay on the device.** Every workgroup adds up the partial sums of the dispatch before, in the same
-//!   order, so that all know α and β without another dispatch, and one of them writes the state for the next dispatch.
-//!   Once the run is finished, kernels return at once.
+//!   order. So all know α and β without another dispatch, and one of them writes the state for the next dispatch. Once
+//!   the run is finished, kernels return at once.
 //! - **Submissions** hold a bounded amount of work, far below the seconds after which a driver resets the device, and
 //!   at most a few are pending at a time.
 

@@ -161,8 +161,8 @@ pub struct AlgebraicTable {
     pub slip_origin: Option<PathBuf>,
     /// The diagonal of C, an entry per row of N, then one per row of T: compliant contact; zero if left out.
     pub compliance: Option<PathBuf>,
-    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet
-    /// of another: forces on the bodies are still unique, multipliers need not be.
+    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one
+    /// facet of another. Forces on the bodies are still unique, multipliers need not be.
     #[serde(default)]
     pub dependent_rows: bool,
     /// n/2 × 2; in space n/3 × 3.

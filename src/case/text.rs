@@ -1,5 +1,5 @@
-//! The text of a case file: a deck is written as one, `--set` replaces entries before the text is read, serde reads its tables, a path gives the line of
-//! an entry, and the parser's errors become ours.
+//! The text of a case file. A deck is written as one, `--set` replaces entries before the text is read, and serde reads
+//! its tables. A path gives the line of an entry, and the parser's errors become ours.
 //!
 //! Entries are named by paths such as `support[1].axis.point`, whose numbers count from 0; `material[]` is the last of several.
 

@@ -2,9 +2,10 @@
 
 use std::env;
 
-/// The variables in which launchers pass the number of a process and the number of processes: mpirun of Open MPI, then MPICH, Intel
-/// MPI and `srun --mpi=pmi2`, MVAPICH, and any `srun`. Other variables of Slurm, such as `SLURM_NTASKS`, are also set in the shell
-/// of `salloc` and in the script of `sbatch`, where a program runs alone: only `srun` counts the processes of its step.
+/// The variables in which launchers pass the number of a process and the number of processes: mpirun of Open MPI, then
+/// MPICH, Intel MPI and `srun --mpi=pmi2`, MVAPICH, and any `srun`. Other variables of Slurm, such as `SLURM_NTASKS`,
+/// are also set in the shell of `salloc` and in the script of `sbatch`, where a program runs alone. Only `srun` counts
+/// the processes of its step.
 const LAUNCHERS: [[&str; 2]; 4] = [
     ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"],
     ["PMI_RANK", "PMI_SIZE"],

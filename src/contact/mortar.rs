@@ -15,19 +15,21 @@
 //! - **A facet that is wholly covered** has its own shape functions as β: its places are its nodes, Wᵢₖ = δᵢₖ Dᵢ (Wohlmuth 2000;
 //!   Popp, Gee and Wall 2009). On facets of second order β are the functions of `contact/transformed.rs`, so that each has a
 //!   positive integral, and W belongs to the displacements of these functions.
-//! - **A facet that is covered in part** has its places at the vertices of the convex hull P of the part that one connected part of
-//!   the master boundary covers, and as β the barycentric functions of P (Wachspress 1975; in the plane those of a segment,
-//!   `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ: a uniform pressure is transferred
-//!   exactly, and the force of a place acts exactly there, on the border of the covered part. With the facet's own functions it
-//!   would act at nodes beyond that border, and a body would be supported where nothing is.
-//! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers at these nodes in
-//!   that direction: their β are added to those of the free places F beside them, β̃ = β + Σ c βₕ, and ψ = C β̃ among those with C
-//!   = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free ψ = 1. (With ψ of both signs the row of
-//!   a held place would contain only the master's nodes and forbid the master to bend away; with βₕ there were more rows than the
-//!   slave can follow.) Where all are held, ψ = β ≥ 0. Along tangents with friction a place that is free along its normal keeps its
-//!   friction: ψₕ = βₕ. Each direction e has its own ψ, and a row combines all of them with the weights (v·e)², where v is the
-//!   normal or the tangent of the facet. Facets of second order that are held along their normals have the places of their corners,
-//!   with linear β, as if they were covered in part: β of second order have both signs.
+//! - **A facet that is covered in part** has its places at the vertices of the convex hull P of the part that one
+//!   connected part of the master boundary covers. Its β are the barycentric functions of P (Wachspress 1975; in the
+//!   plane those of a segment, `mortar/hull.rs` in space). Since Σβ = 1 and Σβᵢxᵢ = x, Σψ = 1 and ∫ ψᵢ x ds = Dᵢ xᵢ. So
+//!   a uniform pressure is transferred exactly, and the force of a place acts exactly there, on the border of the
+//!   covered part. With the facet's own functions it would act at nodes beyond that border, and a body would be
+//!   supported where nothing is.
+//! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers at
+//!   these nodes in that direction. Their β are added to those of the free places F beside them, β̃ = β + Σ c βₕ. ψ = C
+//!   β̃ among those, with C = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free
+//!   ψ = 1. With ψ of both signs the row of a held place would contain only the master's nodes and forbid the master to
+//!      bend away; with βₕ there were more rows than the slave can follow. Where all are held, ψ = β ≥ 0. Along
+//!      tangents with friction a place that is free along its normal keeps its friction: ψₕ = βₕ. Each direction e has
+//!      its own ψ, and a row combines all of them with the weights (v·e)², where v is the normal or the tangent of the
+//!      facet. Facets of second order that are held along their normals have the places of their corners, with linear
+//!      β, as if they were covered in part. Reason: β of second order have both signs.
 //! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
 //!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
 //!   from node to node, on a plane for each facet of the slave.
@@ -225,7 +227,7 @@ pub enum Site {
 pub struct Vertex<const D: usize> {
     site: Site,
     place: [f64; D],
-    /// The angle of the covered part there, in half turns (in the plane a half for either end): around a place on the
+    /// The angle of the covered part there, in half turns (in the plane a half for either end). Around a place on the
     /// border of all covered parts these add up to 1 or, at a corner, to less.
     angle: f64,
     /// φ of the nodes of the facet there.
@@ -308,13 +310,13 @@ const FACING: f64 = -0.1;
 const SAME: f64 = 1e-9;
 /// The same relative to the least width of the covered part: places of a needle stay separate.
 const SAME_OF_WIDTH: f64 = 1e-2;
-/// A facet counts as wholly covered if at most this part of its size is missed along a border, and it bends by as much. Where
-/// two curved boundaries end in one plane, the projection of one onto the other misses the gap between them times the slope
-/// there: at a few parts in a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a wave of 8 × 10 faces
-/// against one of first order).
+/// A facet counts as wholly covered if at most this part of its size is missed along a border, and it bends by as much.
+/// Where two curved boundaries end in one plane, the projection of one onto the other misses the gap between them times
+/// the slope there. At a few parts in a thousand pressures were off by up to 18 % on such a border, and are by 6 % (a
+/// wave of 8 × 10 faces against one of first order).
 const MISSED: f64 = 1e-2;
-/// Newton's method has found a point of a facet if its last step is below this: its steps decrease quadratically, down to the
-/// rounding of a facet that is small compared with its distance from the origin.
+/// Newton's method has found a point of a facet if its last step is below this. Its steps decrease quadratically, down
+/// to the rounding of a facet that is small compared with its distance from the origin.
 const CONVERGED: f64 = 1e-6;
 /// A part of a smooth boundary may escape integration because of curvature: if less than this part of the opposite area
 /// is integrated, a note reports it.
@@ -531,9 +533,9 @@ impl<const D: usize> SlaveFacet<D> {
     }
 }
 
-/// The largest deviation of a facet of second order from the smooth surface through its nodes: an edge of length h whose
-/// middle is off its chord by s, and along it by e, is off a circle by s³/h² and, as a parabola in another parameter, by s
-/// e/h. Facets of first order have none.
+/// The largest deviation of a facet of second order from the smooth surface through its nodes. Take an edge of length h
+/// whose middle is off its chord by s, and along it by e. It is off a circle by s³/h² and, as a parabola in another
+/// parameter, by s e/h. Facets of first order have none.
 fn slack<const D: usize>(nodes: &[[f64; D]; 9], n_corners: usize, len: usize) -> f64 {
     let edges = (nodes[n_corners..len].iter().enumerate()).take(n_corners);
     let of_edge = |(k, &middle): (usize, &[f64; D])| {

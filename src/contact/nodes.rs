@@ -46,8 +46,8 @@ struct Nearest<const D: usize> {
 /// The nodes that a node meets with their weights, ν, and the distance along it.
 type Opposite<const D: usize> = (Vec<(u32, f64)>, [f64; D], f64);
 
-/// The contact places of single nodes; `around` are the outer facets that have any of them, from which they get their areas (one
-/// without such a facet has the area 1, so that its pressure is its force).
+/// The contact places of single nodes. `around` are the outer facets that have any of them, from which they get their
+/// areas. A node without such a facet has the area 1, so that its pressure is its force.
 ///
 /// # Errors
 /// If nodes overlap with the other side or belong to it, do not find it within the search distance, or if a bound, coefficient,

@@ -166,12 +166,12 @@ impl<const D: usize> Obstacle<D> {
 
 /// The contact nodes of a boundary against an obstacle.
 ///
-/// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the nodal force ∫ bound
-/// φᵢ ds (times the thickness). On facets of second order φ are not the shape functions, whose integrals vanish at the
-/// corners of six-node triangles and are negative at those of eight-node quadrilaterals, but those of
-/// `contact/transformed.rs`. Overlaps below 1e-9 of the size of the mesh count as touching. No node can pass through the
-/// obstacle, however far it was from it; but where the gap is larger than the search distance there is no Tresca friction,
-/// which would act without a pressure.
+/// Each node takes its normal and gap from the nearest point of the obstacle; a Tresca bound becomes the nodal force ∫
+/// bound φᵢ ds (times the thickness). On facets of second order φ are not the shape functions but those of
+/// `contact/transformed.rs`. The integrals of shape functions vanish at the corners of six-node triangles and are
+/// negative at those of eight-node quadrilaterals. Overlaps below 1e-9 of the size of the mesh count as touching. No
+/// node can pass through the obstacle, however far it was from it. But where the gap is larger than the search distance
+/// there is no Tresca friction, which would act without a pressure.
 pub fn obstacle_contact<const D: usize>(
     body: &Body<D>,
     facets: &[Facet<D>],

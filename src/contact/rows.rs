@@ -51,12 +51,12 @@ pub struct ContactRows<const D: usize = 2> {
 
 /// Writes the rows of contact places.
 ///
-/// A node may be in several contacts, and supports may hold it, or the other side, in any direction: prescribed motions count in
-/// [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is entirely prescribed has no row and is only
-/// checked ([`ContactRows::check`]), unless the contact is compliant. On a rigid obstacle a node gets an empty row in T where
-/// supports or another obstacle keep it from sliding along the tangent, and no friction where no tangent is left; a compliant
-/// contact does not affect the friction with the other obstacle. In space the tangents of a place that a support holds in one
-/// direction are turned so that the first is free of it.
+/// A node may be in several contacts, and supports may hold it, or the other side, in any direction: prescribed motions
+/// count in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is entirely prescribed
+/// has no row and is only checked ([`ContactRows::check`]), unless the contact is compliant. On a rigid obstacle a node
+/// gets an empty row in T where supports or another obstacle keep it from sliding along the tangent. It has no friction
+/// where no tangent is left. A compliant contact does not affect the friction with the other obstacle. In space the
+/// tangents of a place that a support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
 /// If the normals of the hard rigid obstacles that a node meets are not independent.
@@ -210,7 +210,7 @@ fn make_independent<const D: usize>(
 }
 
 /// In space: whether supports keep both a place and the other side from sliding along a tangent. Then the row contains
-/// only the deformation of partners nearby, as on a plane of symmetry that cuts both bodies: the mean position of
+/// only the deformation of partners nearby, as on a plane of symmetry that cuts both bodies. The mean position of
 /// partners is on the plane, so that their mean motion across it vanishes, and friction would act on next to nothing.
 fn kept_along<const D: usize>(
     mesh: &Mesh<D>,
@@ -251,8 +251,8 @@ where
     is_end || slides.abs() < KEPT * size
 }
 
-/// The place with its tangents turned, in space, so that the first is perpendicular to the only direction in which
-/// supports hold all of its nodes: the direction left to slide along.
+/// The place with its tangents turned, in space. The first is then perpendicular to the only direction in which
+/// supports hold all of its nodes: it is the direction left to slide along.
 pub(crate) fn turned<const D: usize>(
     place: &ContactPlace<D>,
     unknowns: &Unknowns<D>,

@@ -6,12 +6,12 @@
 //! Ñ_v = N_v + Σ α N_e  (e beside v),    Ñ_e = (1 − 2α) N_e,
 //! ```
 //!
-//! and their displacements are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of the edge. A
-//! contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that pressure. α is
-//! 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are otherwise zero and negative,
-//! and for the edges of bodies of revolution, where the integral over the ring around a node on the axis is zero. Where all
-//! integrals are positive, on edges and quadrilaterals with nine nodes, no transformation is necessary (Popp, Wohlmuth, Gee and
-//! Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
+//! and their displacements are û_v = u_v and û_e = (u_e − α (u_a + u_b)) / (1 − 2α) with the ends a and b of the edge.
+//! A contact force is a multiplier of Ñ, so that it is positive where there is pressure, and over ∫ Ñ it is that
+//! pressure. α is 1/5 for triangles with six nodes and quadrilaterals with eight, whose integrals at corners are
+//! otherwise zero and negative. It is also 1/5 for the edges of bodies of revolution, where the integral over the ring
+//! around a node on the axis is zero. Where all integrals are positive, on edges and quadrilaterals with nine nodes, no
+//! transformation is necessary (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
 
 use crate::elasticity::Depth;
 use crate::mesh::{facet_corners, facet_nodes};

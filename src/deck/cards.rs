@@ -472,8 +472,8 @@ impl<'a> Said<'a> {
         Ok(self.springs(line, &points[zeros - 1..]))
     }
 
-    /// The linear laws whose sum has these corners, each a pressure and an overlap, and its last slope beyond them; None where it is
-    /// refused, because a sum of these becomes stiffer.
+    /// The linear laws whose sum has these corners, each a pressure and an overlap, and its last slope beyond them.
+    /// None where it is refused, because a sum of these becomes stiffer.
     fn springs(&mut self, line: usize, points: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
         let mut springs: Vec<[f64; 2]> = Vec::new();
         let mut before = 0.0;
@@ -800,8 +800,8 @@ impl<'a> Said<'a> {
 
 /// Pressures and overlaps along CalculiX's exponential law p = p₀ 100^(δ/c₀): 1 % of p₀ at a gap of c₀, nothing beyond it.
 ///
-/// Pressures grow by √10 from corner to corner, so that chords lie within 3.5 % of c₀ beside the curve, up to 1e4 p₀; beyond, the law
-/// goes on with its last slope.
+/// Pressures grow by √10 from corner to corner, so that chords are within 3.5 % of c₀ beside the curve, up to 1e4 p₀.
+/// Beyond, the law goes on with its last slope.
 fn exponential(c: f64, p: f64) -> Vec<[f64; 2]> {
     let corners = (-4..=8).map(|i| [p * 10_f64.powf(0.5 * f64::from(i)), 0.25 * f64::from(i) * c]);
     std::iter::once([0.0, -c]).chain(corners.skip(1)).collect()

@@ -1,10 +1,10 @@
 //! Contact forces that balance every floating body: the nearest λ ∈ Λ with Gλ = e, and projections orthogonal to G.
 //!
-//! With this equality, Λₑ = {λ ∈ Λ: Gλ = e} is convex like Λ. The method needs only the projection, and that onto Λₑ
-//! costs no product with A: λ = P_Λ(x + Gᵀη), where the few numbers η minimise a convex, piecewise quadratic function
-//! φ(η) = ½‖z‖² − ½‖z − P_Λ(z)‖² − ηᵀe with z = x + Gᵀη. Its gradient is Gλ − e. Newton's method with a line search
-//! finds them in finitely many steps. If φ has no minimum, no λ ∈ Λ balances the bodies, and the remaining gradient
-//! tells which body is pushed in which direction.
+//! With this equality, Λₑ = {λ ∈ Λ: Gλ = e} is convex like Λ. The method needs only the projection onto Λₑ, and that
+//! costs no product with A: λ = P_Λ(x + Gᵀη). The few numbers η minimise a convex, piecewise quadratic function φ(η) =
+//! ½‖z‖² − ½‖z − P_Λ(z)‖² − ηᵀe with z = x + Gᵀη. Its gradient is Gλ − e. Newton's method with a line search finds them
+//! in finitely many steps. If φ has no minimum, no λ ∈ Λ balances the bodies, and the remaining gradient tells which
+//! body is pushed in which direction.
 
 use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
@@ -15,9 +15,9 @@ use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
 
-/// This curvature is added to φ in every direction (G has columns of length one), around the η of the pass before, so
-/// that motions without resistance stay as they were. It is reduced where x is far away and the forces are small, and
-/// where it hides that the bodies can be balanced, as by forces with a tiny arm.
+/// This curvature is added to φ in every direction (G has columns of length one), around the η of the pass before. So
+/// motions without resistance stay as they were. It is reduced where x is far away and the forces are small, and where
+/// it hides that the bodies can be balanced, as by forces with a tiny arm.
 pub(crate) const CURVATURE: f64 = 1e-8;
 /// Steps of Newton's method in a pass at most, and of its line search: random bodies take up to 40 of the former.
 const STEPS: usize = 200;
@@ -53,8 +53,8 @@ pub(crate) struct Balance {
 struct Scale {
     /// Those on its body.
     own: f64,
-    /// Those on bodies that share a multiplier with it, as these can pass them on: a multiplier that balances a loaded body
-    /// is known up to the rounding of that load, however small the forces on the other body are.
+    /// Those on bodies that share a multiplier with it, as these can pass them on. A multiplier that balances a loaded
+    /// body is known up to the rounding of that load, however small the forces on the other body are.
     beside: f64,
 }
 
@@ -196,8 +196,8 @@ impl Balance {
             .collect()
     }
 
-    /// The forces that act on each motion, if the contact forces are λ: those of its body, because a motion without a
-    /// share in any of them has to be balanced too, and those of bodies beside it.
+    /// The forces that act on each motion, if the contact forces are λ. They are those of its body, because a motion
+    /// without a share in any of them has to be balanced too, and those of bodies beside it.
     fn scales(&self, lambda: &[f64]) -> Vec<Scale> {
         let mut sums = vec![0.0_f64; self.shares.n_cols()];
         for (&body, &acting) in self.body.iter().zip(&self.acting) {
@@ -433,7 +433,7 @@ impl Balance {
         self.without_contact.fill(0.0);
     }
 
-    /// G on the free directions of each contact node; the tangential multipliers of node i follow the normal one by
+    /// G on the free directions of each contact node. The tangential multipliers of node i follow the normal one by
     /// `follows[i]` times the direction of slip where that is not 0 (empty: nowhere).
     pub fn on_face<const D: usize>(
         self: &Rc<Self>,

@@ -1,7 +1,7 @@
 //! The dual operator on the factor of K.
 //!
-//! A product with A needs only the dense trailing blocks of the factor ([`Factor`]), the right-hand side one forward
-//! sweep over the rest for the whole contact problem, and the displacement one backward sweep at the end.
+//! A product with A needs only the dense trailing blocks of the factor ([`Factor`]). The right-hand side needs one
+//! forward sweep over the rest for the whole contact problem, and the displacement one backward sweep at the end.
 //!
 //! Where bodies can move as a whole, as many unknowns as they have motions are fixed. Loads in balance cause no
 //! reaction there.

@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 /// The number of refinements of a displacement for the sake of its ties.
 const MOST_PASSES: usize = 4;
-/// Load and forces together differ at most by this factor from the unit of the computation: without a load, or beside forces
-/// that a step has made huge, small values are lost in f32.
+/// Load and forces together differ at most by this factor from the unit of the computation. Without a load, or beside
+/// forces that a step has made huge, small values are lost in f32.
 const FAR: f64 = 1e12;
 
 /// Whether Bᵀp is no more than the rounding of its terms, as it may be where rows depend on each other.
@@ -87,7 +87,7 @@ impl<'a, const D: usize> Grounded<'a, D> {
 /// The dual operator of a problem by PCG on a backend.
 ///
 /// Where the backend computes in f64, a product moves 2m numbers to it and 2m numbers back, the latter together with
-/// the progress of CG; all vectors of size n stay there. Where it computes in f32, the host makes the products with B
+/// the progress of CG. All vectors of size n stay there. Where it computes in f32, the host makes the products with B
 /// and Bᵀ in f64, as well as the residuals of the refinement.
 pub struct NestedDual<B: Backend> {
     b: Arc<Csr>,

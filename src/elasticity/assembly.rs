@@ -62,8 +62,9 @@ fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
 }
 
 /// Passes the requested blocks of the rows of an element's stiffness matrix to `take`, each with its nodes a and b: the
-/// law's tangent applied to the gradients ([`Tangent::add`](super::law::Tangent::add)); where the dilatation is projected
-/// (`dilatation.rs`), the law's volumetric part acts on the projection; incompatible modes (`modes.rs`) reduce the block.
+/// law's tangent applied to the gradients ([`Tangent::add`](super::law::Tangent::add)). Where the dilatation is
+/// projected (`dilatation.rs`), the law's volumetric part acts on the projection. Incompatible modes (`modes.rs`)
+/// reduce the block.
 struct Blocks<'a, const D: usize, W, F>
 where
     ElementKind: Topology<D>,
@@ -220,8 +221,9 @@ pub(crate) fn add_block<const D: usize>(
     }
 }
 
-/// Adds the block K_ab of an element to that of two nodes, at least one of which has its own directions: without the
-/// prescribed components of either, P_a K_ab P_b, except for the decoupled equations of a node itself, n (n·K_aa n) nᵀ.
+/// Adds the block K_ab of an element to that of two nodes, at least one of which has its own directions. It is without
+/// the prescribed components of either, P_a K_ab P_b, except for the decoupled equations of a node itself, n (n·K_aa n)
+/// nᵀ.
 fn add_projected<const D: usize>(
     unknowns: &Unknowns<D>,
     [a, b]: [u32; 2],
@@ -251,9 +253,9 @@ fn add_projected<const D: usize>(
 
 /// The stiffness matrix K of the free unknowns and the load f, both in blocks of D per node.
 ///
-/// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the
-/// right-hand side; a component prescribed at a node that keeps another free one has the decoupled
-/// equation `k u = 0` with the diagonal entry k that it would have had (along a direction of the node's own: [`Unknowns`]).
+/// `forces` are the nodal forces (D per node of the mesh). Prescribed displacements move to the right-hand side. A
+/// component prescribed at a node that keeps another free one has the decoupled equation `k u = 0`, with the diagonal
+/// entry k that it would have had (along a direction of the node's own: [`Unknowns`]).
 ///
 /// Each row is computed from the elements around its node, in their order, so that threads share nothing and the sum
 /// has one order.
@@ -338,7 +340,7 @@ where
 }
 
 /// The load f of the free unknowns, in blocks of D per node: the nodal forces (D per node of the mesh) and the
-/// contribution of prescribed displacements; 0 for a prescribed component at a node with a free one.
+/// contribution of prescribed displacements. It is 0 for a prescribed component at a node with a free one.
 pub fn load_vector<const D: usize>(
     body: &Body<D>,
     unknowns: &Unknowns<D>,

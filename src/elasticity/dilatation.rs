@@ -1,8 +1,9 @@
 //! Elements for nearly incompressible bodies: the dilatation is projected on few functions in each element.
 //!
-//! The strain energy is μ ∫ dev ε : dev ε + ½ κ ∫ (π div u)², where π is the projection on the mean in an element, or on the
-//! linear functions there. With the full div u, nearly incompressible elements have as many constraints as unknowns and lock.
-//! The functions m are orthonormal in the element, so that ∫ (π div u)² is a sum of squares, Σ (∫ m div u)².
+//! The strain energy is μ ∫ dev ε : dev ε + ½ κ ∫ (π div u)², where π is the projection on the mean in an element, or
+//! on the linear functions there. With the full div u, nearly incompressible elements have as many constraints as
+//! unknowns and lock. The functions m are orthonormal in the element, so that ∫ (π div u)² is a sum of squares, Σ (∫ m
+//! div u)².
 
 use super::Plane;
 use crate::mesh::shape::Point;

@@ -7,14 +7,16 @@
 //! neo-Hooke              ½ μ (F:F − 3 − 2ϑ) + ½ λ ϑ²                  ϑ = ln det F
 //! ```
 //!
-//! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected (`dilatation.rs`),
-//! ϑ is, in the same way: ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of linear elasticity. In plane stress
-//! the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law finds the stretch of the thickness.
+//! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected
+//! (`dilatation.rs`), ϑ is, in the same way. ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of
+//! linear elasticity. In plane stress the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law
+//! finds the stretch of the thickness.
 //!
-//! The stresses in a tangent are those that the last of Newton's steps predicted, as if E (ϑ of neo-Hooke's law) had been linear in
-//! it: the actual ones have the square of the step times the stiffest modulus of a thin or incompressible body in them, and
-//! Newton's method follows that back and forth. The residual has the actual ones. (Magisano, Leonetti and Garcea, Advantages of the
-//! mixed format in geometrically nonlinear analysis of beams and shells using solid finite elements, 2017.)
+//! The stresses in a tangent are those that the last of Newton's steps predicted, as if E (ϑ of neo-Hooke's law) had
+//! been linear in it. The actual ones have the square of the step times the stiffest modulus of a thin or
+//! incompressible body in them, and Newton's method follows that back and forth. The residual has the actual ones.
+//! (Magisano, Leonetti and Garcea, Advantages of the mixed format in geometrically nonlinear analysis of beams and
+//! shells using solid finite elements, 2017.)
 
 use super::assembly::rows_of;
 use super::{
@@ -49,8 +51,8 @@ where
     pub loose: &'a [Loose],
 }
 
-/// A node of a body that no support holds, or not in every way (ties do not count): the tangent of its elements is made without stresses, so that it
-/// does not resist motions as a whole.
+/// A node of a body that no support holds, or not in every way (ties do not count). The tangent of its elements is made
+/// without stresses, so that it does not resist motions as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Loose {
     /// It is of no such body.

@@ -79,9 +79,9 @@ impl Tangent {
         }
     }
 
-    /// Adds to entry [i][j] the work that a displacement by φ_b along axis j does on one by φ_a along i: λ ∇φ_a ∇φ_bᵀ + μ
-    /// ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I, from the gradients. Around an axis div also contains φ/x along x, and the hoop
-    /// strain adds its 2μ: `hoops` are the φ/x.
+    /// Adds to entry [i][j] the work that a displacement by φ_b along axis j does on one by φ_a along i. From the
+    /// gradients it is λ ∇φ_a ∇φ_bᵀ + μ ∇φ_b ∇φ_aᵀ + μ (∇φ_a·∇φ_b) I. Around an axis div also contains φ/x along x, and
+    /// the hoop strain adds its 2μ: `hoops` are the φ/x.
     #[inline(always)]
     pub fn add<const D: usize>(
         self,

@@ -1,10 +1,10 @@
 //! Incompatible modes: quadrilaterals and hexahedra of first order that bend without being too stiff.
 //!
-//! The displacements along each axis gain the modes 1 − ξₖ² for each reference coordinate, internal to the element (Taylor,
-//! Beresford and Wilson). Their gradients are those of the middle of the element, (det J₀/det J) J₀⁻ᵀ ∇(1 − ξₖ²), minus their
-//! mean: constant stresses do no work on them, so that elements of any shape pass the patch test. Around an axis they cause no
-//! hoop strain. Their amplitudes minimise the strain energy and are eliminated: with H the stiffness of the modes and L their
-//! coupling to the nodes, K becomes K − L H⁻¹ Lᵀ.
+//! The displacements along each axis gain the modes 1 − ξₖ² for each reference coordinate, internal to the element
+//! (Taylor, Beresford and Wilson). Their gradients are those of the middle of the element, (det J₀/det J) J₀⁻ᵀ ∇(1 −
+//! ξₖ²), minus their mean. Constant stresses do no work on them, so that elements of any shape pass the patch test.
+//! Around an axis they cause no hoop strain. Their amplitudes minimise the strain energy and are eliminated: with H the
+//! stiffness of the modes and L their coupling to the nodes, K becomes K − L H⁻¹ Lᵀ.
 
 use super::{Law, Plane};
 use crate::mesh::ShapeFunctions;

@@ -58,10 +58,10 @@ impl Stress {
 
 /// Stresses at the nodes and in the middle of the elements, from the displacements of all nodes.
 ///
-/// At a node the mean of the surrounding elements, weighted with their areas (volumes, those of rings too). Each gives the stress extrapolated
-/// from the points where it is most accurate: those that integrate the stiffness of the element of first order, and four
-/// (three) inside a tetrahedron (triangle) of second order. Across the border of two materials the nodal mean mixes both
-/// sides: the element values do not.
+/// At a node the mean of the surrounding elements, weighted with their areas (volumes, those of rings too). Each gives
+/// the stress extrapolated from the points where it is most accurate. These are the points that integrate the stiffness
+/// of the element of first order, and four (three) inside a tetrahedron (triangle) of second order. Across the border
+/// of two materials the nodal mean mixes both sides: the element values do not.
 pub fn stresses<const D: usize>(
     body: &Body<D>,
     displacement: &[[f64; D]],

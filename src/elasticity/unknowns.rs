@@ -8,11 +8,11 @@ use std::sync::Arc;
 
 /// The prescribed displacement components, and the numbering of the others.
 ///
-/// A node with at least one free component is a *block* of D unknowns; components prescribed at such a node keep a
+/// A node with at least one free component is a *block* of D unknowns. Components prescribed at such a node keep a
 /// decoupled equation (u = 0) so that every block is D × D. Nodes prescribed in all components are not in the system.
 ///
 /// Components are those along the axes or, at nodes with their own directions ([`Unknowns::along`]), along these. The
-/// unknowns of such nodes are still along the axes, so that rigid-body motions have the same form everywhere: a
+/// unknowns of such nodes are still along the axes, so that rigid-body motions have the same form everywhere. A
 /// prescribed component along n is projected out of K and f, P = I − n nᵀ, and has the decoupled equation k n·u = 0.
 #[derive(Clone, Debug)]
 pub struct Unknowns<const D: usize = 2> {

@@ -204,9 +204,9 @@ impl ElementKind {
             .map(move |(place, ends)| (*ends, (self.order() == 2).then_some(place)))
     }
 
-    /// Its facets, by the places of their nodes among its own, corners first, then midsides, the first between the first two
-    /// corners, then the middle: in the plane edges with the element on their left, in space faces with corners
-    /// counter-clockwise as seen from outside.
+    /// Its facets, by the places of their nodes among its own: corners first, then midsides, the first between the
+    /// first two corners, then the middle. In the plane they are edges with the element on their left, in space faces
+    /// with corners counter-clockwise as seen from outside.
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {
             Self::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
@@ -338,8 +338,9 @@ pub trait Topology<const D: usize> {
     fn facet_normal(x: &[[f64; D]]) -> (f64, [f64; D]);
 }
 
-/// The nodes of a facet in D dimensions, corners first, then the middles ([`facet_nodes`]): `[u32; 3]` in the plane, the ends
-/// of an edge and its middle; `[u32; 9]` in space, those of a face. If there are fewer nodes, the last is repeated.
+/// The nodes of a facet in D dimensions, corners first, then the middles ([`facet_nodes`]). `[u32; 3]` in the plane are
+/// the ends of an edge and its middle, `[u32; 9]` in space those of a face. If there are fewer nodes, the last is
+/// repeated.
 pub type Facet<const D: usize = 2> = <ElementKind as Topology<D>>::Facet;
 
 /// The nodes of a facet, each once.
@@ -449,8 +450,8 @@ where
     facet
 }
 
-/// The corners of a facet, the same for whichever of its sides it was named from: the lowest first, then the lower of its
-/// neighbours; the last again where there is room for more.
+/// The corners of a facet, the same for whichever of its sides it was named from. The lowest comes first, then the
+/// lower of its neighbours; the last again where there is room for more.
 pub(crate) fn unsided<F: AsRef<[u32]>>(of: &F) -> [u32; 4] {
     let corners = facet_corners(of);
     let mut key = [corners[corners.len() - 1]; 4];

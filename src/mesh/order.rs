@@ -24,10 +24,10 @@ impl<const D: usize> Mesh<D>
 where
     ElementKind: Topology<D>,
 {
-    /// The mesh with elements of second order, as accurate as possible: those of first order get nodes in the middle of
-    /// their straight edges, of their quadrilaterals and of themselves (6-node triangles, 9-node quadrilaterals, 10-node
-    /// tetrahedra, 27-node hexahedra, 18-node wedges). These nodes follow the existing ones, and neighbours share them.
-    /// Elements of second order stay as they are. A new node between nodes of a set joins the set.
+    /// The mesh with elements of second order, as accurate as possible. Those of first order get nodes in the middle of
+    /// their straight edges, of their quadrilaterals and of themselves (6-node triangles, 9-node quadrilaterals,
+    /// 10-node tetrahedra, 27-node hexahedra, 18-node wedges). These nodes follow the existing ones, and neighbours
+    /// share them. Elements of second order stay as they are. A new node between nodes of a set joins the set.
     ///
     /// For curved sides, move the new nodes onto them.
     ///

@@ -179,7 +179,7 @@ pub trait Visit<const D: usize> {
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Self::Output;
 }
 
-/// Shape functions from those of lines: the product of the lowest at a node of the reference square or cube, whose
+/// Shape functions from those of lines: the product of the lowest at a node of the reference square or cube. Its
 /// coordinates say which: −1, 0 or 1 for the ends and the middle.
 #[inline]
 fn product<const D: usize, const N: usize>(

@@ -17,8 +17,8 @@ const ON_ARC: f64 = 0.05;
 /// Coordinates in files have six digits at least.
 const WRITTEN: f64 = 2e-6;
 
-/// The gap between two sides that are drawn as arcs about one axis, where the initial gaps `range` of their facets scatter by more
-/// than a tenth of it, and of the largest.
+/// The gap between two sides that are drawn as arcs about one axis. Given where the initial gaps `range` of their
+/// facets scatter by more than a tenth of it, and of the largest.
 pub(super) fn between_arcs<const D: usize>(
     mesh: &Mesh<D>,
     sides: [&[Facet<D>]; 2],
@@ -53,8 +53,9 @@ where
     })
 }
 
-/// The gap between two sides of which one at least has facets of first order, and that are drawn as arcs about one axis (or
-/// as parts of balls): below 0 where the arcs overlap. Edges sharper than `steepest`, in degrees, are real edges, not arcs.
+/// The gap between two sides that are drawn as arcs about one axis (or as parts of balls), at least one with facets of
+/// first order. It is below 0 where the arcs overlap. Edges sharper than `steepest`, in degrees, are real edges, not
+/// arcs.
 pub(super) fn gap_of_arcs<const D: usize>(
     mesh: &Mesh<D>,
     sides: [&[Facet<D>]; 2],

@@ -20,8 +20,8 @@ pub struct Changes {
     pub(crate) coefficient: Vec<f64>,
     /// The rows that do not act.
     pub(crate) idle: Vec<usize>,
-    /// Rows of ties that have begun to act after the beginning, each with what supports move its sides towards each other by in this
-    /// step: they hold their sides where those were at the end of the step before.
+    /// Rows of ties that have begun to act after the beginning, each with the amount by which supports move its sides
+    /// towards each other in this step. They hold their sides where those were at the end of the step before.
     pub(crate) bonded: Vec<(usize, f64)>,
 }
 

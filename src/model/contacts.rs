@@ -222,8 +222,8 @@ where
     pub(super) sliding: Sliding<D>,
 }
 
-/// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse meshes of a
-/// common surface. (An arc of eight facets has a tenth of one between it and the circle.)
+/// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse
+/// meshes of a common surface. (An arc of eight facets has a tenth of one between it and the circle.)
 pub(super) const TIE_DISTANCE: f64 = 0.25;
 
 /// The longest way between corners of a facet.

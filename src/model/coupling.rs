@@ -1,9 +1,10 @@
 //! Couplings: nodes that move with a point.
 //!
-//! A rigid coupling moves its nodes as a rigid body. As many of their displacements as the body has motions are free, those of nodes
-//! far apart, and determine the motion of the point; all others follow, each by a row with a free multiplier. A distributing coupling
-//! leaves its nodes free: the motion of the point is the rigid motion nearest to theirs, by least squares with the nodes' parts of the
-//! area, and loads on the point spread over them in the same proportion.
+//! A rigid coupling moves its nodes as a rigid body. As many of their displacements as the body has motions are free,
+//! those of nodes far apart, and determine the motion of the point. All others follow, each by a row with a free
+//! multiplier. A distributing coupling leaves its nodes free. The motion of the point is the rigid motion nearest to
+//! theirs, by least squares with the nodes' parts of the area, and loads on the point spread over them in the same
+//! proportion.
 //!
 //! Obstacles of contacts may move with the point as well (`coupled.rs`).
 

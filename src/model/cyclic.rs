@@ -1,7 +1,8 @@
 //! Cyclic symmetry: a sector of a body that repeats itself about an axis.
 //!
-//! Displacements on one side of the sector are those on the other one, turned. The turned side is the boundary of a turned copy of the
-//! mesh, to which the mortar method ties the other side; the nodes of the copy are those of the mesh with turned displacements.
+//! Displacements on one side of the sector are those on the other one, turned. The turned side is the boundary of a
+//! turned copy of the mesh, to which the mortar method ties the other side. The nodes of the copy are those of the mesh
+//! with turned displacements.
 
 use super::axis::Axis;
 use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, largest_facet};

@@ -160,8 +160,8 @@ impl Entity {
         Self { key, ..self }
     }
 
-    /// Its path in a case file, such as `support[1].axis`; for a kind with several entries, the first where no number is given,
-    /// and for materials the last, after which another one could follow.
+    /// Its path in a case file, such as `support[1].axis`. Without a number, a kind with several entries gives the
+    /// first, and materials the last, after which another one could follow.
     #[cfg(feature = "case")]
     pub(crate) fn path(&self) -> String {
         let key = self.kind.words()[0];

@@ -1,8 +1,9 @@
 //! Large displacements: loads, supports and obstacles at a time, and the contact problem of where bodies are.
 //!
-//! At displacements u the unknown is the remaining displacement Δu: K is the tangent at u, f the imbalance of forces there
-//! without the contact forces, d the distances from obstacles, and slip is counted from where each contact place was on its obstacle
-//! at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and friction where the bodies are.
+//! At displacements u the unknown is the remaining displacement Δu. K is the tangent at u, f the imbalance of forces
+//! there without the contact forces, and d the distances from obstacles. Slip is counted from where each contact place
+//! was on its obstacle at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and
+//! friction where the bodies are.
 
 mod meeting;
 mod turning;
@@ -386,8 +387,9 @@ where
         Ok(())
     }
 
-    /// The contact problem of bodies that have moved by u and press with these forces, on the way from one end of a load step to
-    /// the next: with `first`, obstacles are where they were, and their motion belongs to the remaining displacement.
+    /// The contact problem of bodies that have moved by u and press with these forces, on the way from one end of a
+    /// load step to the next. With `first`, obstacles are where they were, and their motion belongs to the remaining
+    /// displacement.
     pub(crate) fn configuration(
         &self,
         before: &Deformation<D>,

@@ -180,9 +180,10 @@ impl<const D: usize> Pair<D> {
         }
     }
 
-    /// The boundary of a body and that of another one (each may be several that count as one) that hold together in every
-    /// direction, for [`Model::tie`](super::Model::tie): their meshes need not match, and a gap in the drawing stays.
-    /// [`Pair::adjust`] sets the largest distance; the default is a quarter of the longest facet of the first one.
+    /// The boundary of a body and that of another one (each may be several that count as one) that hold together in
+    /// every direction, for [`Model::tie`](super::Model::tie). Their meshes need not match, and a gap in the drawing
+    /// stays. [`Pair::adjust`] sets the largest distance; the default is a quarter of the longest facet of the first
+    /// one.
     pub fn tied(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
         Self {
             law: Law::Tied,
@@ -294,8 +295,8 @@ impl<const D: usize> Pair<D> {
         self
     }
 
-    /// An offset added to the gap of the meshes, in m: below 0 for coatings that are not drawn, above 0 for a contact that begins
-    /// with an overlap, as a part of a law in pieces does.
+    /// An offset added to the gap of the meshes, in m. It is below 0 for coatings that are not drawn, and above 0 for a
+    /// contact that begins with an overlap, as a part of a law in pieces does.
     pub fn offset(mut self, distance: f64) -> Self {
         self.offset = distance;
         self

@@ -1,8 +1,9 @@
 //! Preload of bolts: a section through the body whose ends are pulled towards each other.
 //!
-//! The body is cut along facets of the mesh. Its sides keep together in all but one way: they may overlap, all nodes by the same
-//! length along the normal of the section. A row of its own measures that length, the mean by area. Either a load step states the
-//! force, as loads on both sides, and the row does not act, or it states the length, and the multiplier of the row is the force.
+//! The body is cut along facets of the mesh. Its sides keep together in all but one way: they may overlap, all nodes by
+//! the same length along the normal of the section. A row of its own measures that length, the mean by area. Either a
+//! load step states the force, as loads on both sides, and the row does not act. Or it states the length, and the
+//! multiplier of the row is the force.
 
 use super::driven::Drive;
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, with_a_name};
@@ -17,8 +18,8 @@ use crate::mesh::{Between, Cut, Element, ElementKind, Facet, Location, Mesh, uns
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
-/// A facet has no side if the part of its normal along the mean normal of its section is below this: the facet is then within 6 degrees of
-/// the direction of the bolt.
+/// A facet has no side if the part of its normal along the mean normal of its section is below this. The facet is then
+/// within 6 degrees of the direction of the bolt.
 const ACROSS: f64 = 0.1;
 
 /// A bolt that is tightened: where it is cut, and the force in it or its shortening.

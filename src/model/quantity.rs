@@ -41,8 +41,8 @@ impl<const D: usize> Quantity<D> {
         })
     }
 
-    /// A value for each node of the mesh; between them shape functions interpolate, only on the boundaries (in the region) that
-    /// it is stated for, so that touching bodies may have different ones.
+    /// A value for each node of the mesh. Between nodes shape functions interpolate, only on the boundaries (in the
+    /// region) that it is stated for, so that touching bodies may have different ones.
     ///
     /// ```
     /// use signorini::elasticity::Material;

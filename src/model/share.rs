@@ -1,8 +1,9 @@
-//! The part of each rank in a model for several ranks (feature `mpi`): rank 0 divides it, and each makes an [`Elastic`] of its
-//! own part, with the elements around its nodes.
+//! The part of each rank in a model for several ranks (feature `mpi`). Rank 0 divides it, and each makes an [`Elastic`]
+//! of its own part, with the elements around its nodes.
 //!
-//! Nodes are numbered rank by rank. Of a rank's nodes the own ones come first, then those of others that its elements reach; of
-//! its elements first those that are its own, by their first node, then those that it only needs for the rows of its nodes.
+//! Nodes are numbered rank by rank. Of a rank's nodes the own ones come first, then those of others that its elements
+//! reach. Of its elements its own come first, by their first node, then those that it only needs for the rows of its
+//! nodes.
 
 use super::analysis::{Holder, held_by, named_by};
 use super::build::loose;
@@ -142,8 +143,8 @@ pub(crate) struct Part {
     pub pair_nodes: Vec<Vec<u32>>,
 }
 
-/// The graph of the nodes of a mesh: for each the others of its elements, one after the other, and how much work it is: the blocks
-/// of K in its row, and as many as have the numbers that B has in its columns.
+/// The graph of the nodes of a mesh: for each node the others of its elements, one after the other, and its work. The
+/// work is the blocks of K in its row, and as many as have the numbers that B has in its columns.
 pub(crate) struct Graph {
     pub starts: Vec<i32>,
     pub others: Vec<i32>,
@@ -908,8 +909,8 @@ where
         }
     }
 
-    /// Learns the temperatures of the model, which rank 0 has, at the points where the stresses of this rank's elements are
-    /// computed: they may be functions of the place, or have values at the nodes of the whole mesh. Collective.
+    /// Learns the temperatures of the model, which rank 0 has, at the points where the stresses of this rank's elements
+    /// are computed. They may be functions of the place, or have values at the nodes of the whole mesh. Collective.
     pub fn learn_temperatures(&mut self, group: &Group, of_model: &[Quantity<D>]) {
         if self.common.warm_regions.is_empty() {
             return;

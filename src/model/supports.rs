@@ -206,8 +206,8 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Topology<D>,
 {
-    /// Hands over the integration points of each foundation, whose number comes first: nodes, place and normal, the weight with the
-    /// depth of the bodies in it, and the stiffness along the normal and across it.
+    /// Hands over the integration points of each foundation, whose number comes first. Each has nodes, place and
+    /// normal, the weight with the depth of the bodies in it, and the stiffness along the normal and across it.
     pub(super) fn on_foundations(
         &self,
         body: &Body<D>,

@@ -77,8 +77,8 @@ fn shares<const D: usize>(
         .collect())
 }
 
-/// Bytes of a rank for each entry of its rows of K, including all levels of multigrid and their set-up: reference case C has 81
-/// entries a row and takes 2.3 kB an unknown on two ranks with n = 313 632, and 2.0 kB with n = 1 037 232.
+/// Bytes of a rank for each entry of its rows of K, including all levels of multigrid and their set-up. Reference case
+/// C has 81 entries a row. On two ranks it takes 2.3 kB an unknown with n = 313 632, and 2.0 kB with n = 1 037 232.
 const BYTES: f64 = 30.0;
 /// Mebibytes of a rank that has no unknowns: MPI, PETSc, and the program.
 const ALONE: f64 = 57.0;

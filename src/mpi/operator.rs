@@ -26,10 +26,10 @@ const MOST_PASSES: usize = 4;
 /// The prefix of the options.
 const PREFIX: &str = "signorini_";
 
-/// All options of GAMG, which works on the level below our own; its own defaults change from version to version. An aggregation
-/// without threshold, each smoothed once; V-cycles with two Chebyshev steps around the diagonal, whose range PETSc estimates by
-/// ten steps of CG; the coarsest level, of at most 1000 unknowns, on one rank by a factor. Jacobi is the only smoother that neither
-/// fails on coarse levels nor depends on the number of ranks.
+/// All options of GAMG, which works on the level below our own; its own defaults change from version to version. An
+/// aggregation without threshold, each smoothed once. V-cycles have two Chebyshev steps around the diagonal, whose
+/// range PETSc estimates by ten steps of CG. The coarsest level, of at most 1000 unknowns, is on one rank by a factor.
+/// Jacobi is the only smoother that neither fails on coarse levels nor depends on the number of ranks.
 const OPTIONS: [(&str, &str); 23] = [
     ("-signorini_pc_type", "gamg"),
     ("-signorini_pc_gamg_type", "agg"),
@@ -57,8 +57,9 @@ const OPTIONS: [(&str, &str); 23] = [
     ("-signorini_mg_coarse_sub_pc_type", "lu"),
 ];
 
-/// How several ranks make PᵀAP, which one rank by itself does not know. Other ways add up contributions of other ranks as they
-/// arrive: on four ranks coarse matrices, and with them the answer, then differ in the last bits from run to run.
+/// How several ranks make PᵀAP, which one rank by itself does not know. Other ways add up contributions of other ranks
+/// as they arrive. On four ranks coarse matrices, and with them the answer, then differ in the last bits from run to
+/// run.
 const OF_SEVERAL: [(&str, &str); 1] = [("-matptap_via", "allatonce_merged")];
 
 /// The rows of K that belong to the unknowns of a rank.

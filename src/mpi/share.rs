@@ -362,8 +362,8 @@ where
         })
     }
 
-    /// The system as this rank sees it: vectors with an entry per row of K have the entries of its own unknowns, and so have
-    /// u and f wherever they are passed.
+    /// The system as this rank sees it. Vectors with an entry per row of K have the entries of its own unknowns, and so
+    /// have u and f wherever they are passed.
     pub fn system(&self) -> &System<D> {
         &self.problem
     }

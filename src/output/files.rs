@@ -63,9 +63,9 @@ fn whole_by(
     written.map_err(OutputError::at(path))
 }
 
-/// Makes the directory of the results, tests whether files can be written there (before an hour of solving, not after),
-/// and removes all results of an earlier run, recognised by their names: the new run may have fewer steps, or draw
-/// nothing. `inputs` are the files that the run reads.
+/// Makes the directory of the results, and tests whether files can be written there (before an hour of solving, not
+/// after). Removes all results of an earlier run, recognised by their names, because the new run may have fewer steps,
+/// or draw nothing. `inputs` are the files that the run reads.
 ///
 /// # Errors
 /// If files cannot be written or removed there; or, before anything is, if one of `inputs` has the name of a result

@@ -44,9 +44,9 @@ where
     })
 }
 
-/// A hint names bodies that have turned so far that their lengths seem to grow by more than this part, 1/cos − 1, because nodes
-/// move along tangents under the small-strain assumption: 8.1°. This is the accuracy expected of strains; directions of loads and
-/// of normals are off by sin, 14 %.
+/// A hint names bodies that have turned so far that their lengths seem to grow by more than this part, 1/cos − 1. The
+/// reason is that nodes move along tangents under the small-strain assumption: 8.1°. This is the accuracy expected of
+/// strains; directions of loads and of normals are off by sin, 14 %.
 const TURNED: f64 = 0.01;
 
 /// A bolt that a force shortens by less than this part of what the force shortens a cube over its section by is held at its section.

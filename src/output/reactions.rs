@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// A pressure above this part of the largest is near it: next to the edge of a punch it falls to 0.6 of it from one
+/// A pressure above this part of the largest is near it. Next to the edge of a punch it falls to 0.6 of it from one
 /// node to the next, on any mesh.
 const PEAK: f64 = 0.7;
 
@@ -308,8 +308,8 @@ where
     contacts
 }
 
-/// The force on the side of a section that ν points away from, and its moment about the centre: of the tension, of the rows across ν, and
-/// of those in which a node overlaps by as much as the first.
+/// The force on the side of a section that ν points away from, and its moment about the centre. It consists of the
+/// tension, of the rows across ν, and of those in which a node overlaps by as much as the first.
 fn section_forces<const D: usize>(
     elastic: &Elastic<D>,
     solution: &StepSolution<D>,

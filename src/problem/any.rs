@@ -23,8 +23,8 @@ impl From<ContactProblem<3>> for AnyProblem {
     }
 }
 
-/// The dimension of a problem with m contact nodes, whose T has this many rows and whose points this many coordinates, if there
-/// are any: T has a row for each node in the plane and two in space. Without contact nodes the points decide.
+/// The dimension of a problem with m contact nodes, whose T has this many rows and whose points this many coordinates,
+/// if there are any. T has a row for each node in the plane and two in space. Without contact nodes the points decide.
 ///
 /// # Errors
 /// If T and the points disagree; the text gives the correct sizes.

@@ -231,8 +231,8 @@ impl ProblemError {
     }
 }
 
-/// Nonzero entries of K and of f, and the numbers they come from, must have a size between these: displacements are their
-/// quotients, within 1e±140, and squares and energies of all these remain within the range of full double precision,
+/// Nonzero entries of K and of f, and the numbers they come from, must have a size between these. Displacements are
+/// their quotients, within 1e±140. Squares and energies of all these remain within the range of full double precision,
 /// 1e±307. No system of units comes near these limits.
 const SMALLEST: f64 = 1e-70;
 /// See [`SMALLEST`].
@@ -266,8 +266,8 @@ pub(super) fn sized_load(load: &[f64]) -> Result<(), ProblemError> {
 /// Relative asymmetry of K that counts as rounding.
 const SYMMETRY_LIMIT: f64 = 1e-9;
 
-/// The data, with the last block completed if n is not a multiple of D, after all checks except the rank of B = (N; T):
-/// shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0.
+/// The data, with the last block completed if n is not a multiple of D, after all checks except the rank of B = (N; T).
+/// The checks are shapes, finite values, K symmetric with a positive diagonal, d ≥ 0, g ≥ 0.
 pub(super) fn checked_but_for_rank<const D: usize>(
     mut data: ContactData<D>,
     softness: &[f64],
@@ -311,8 +311,8 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     Ok(data)
 }
 
-/// How far below 0 a gap may be by rounding: of the coordinates that it was measured with, and of the motion of a single unknown
-/// under the load. (Not of other gaps: a large one means that there is no obstacle.)
+/// How far below 0 a gap may be by rounding: of the coordinates that it was measured with, and of the motion of a
+/// single unknown under the load. Not of other gaps, because a large one means that there is no obstacle.
 fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
     /// For coordinates: sums of some hundred terms have this accuracy.
     const OF_PLACES: f64 = 1e-14;

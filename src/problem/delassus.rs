@@ -4,9 +4,10 @@ use super::{ContactData, ContactProblem, Elsewhere, ProblemError, check, tangent
 use crate::sparse::{BlockCsr, Csr};
 
 impl<const D: usize> ContactProblem<D> {
-    /// The problem of m contacts with Coulomb friction whose relative velocities (or displacements) are u = W r + q at the contact
-    /// impulses (or forces) r, both with the normal component first, then the tangential ones, contact by contact: u and r press
-    /// or part along the normal (uₙ ≥ 0, rₙ ≥ 0, uₙ rₙ = 0), and friction opposes u. W is symmetric and may be semidefinite.
+    /// The problem of m contacts with Coulomb friction whose relative velocities (or displacements) are u = W r + q at
+    /// the contact impulses (or forces) r. Both have the normal component first, then the tangential ones, contact by
+    /// contact. u and r press or part along the normal (uₙ ≥ 0, rₙ ≥ 0, uₙ rₙ = 0), and friction opposes u. W is
+    /// symmetric and may be semidefinite.
     ///
     /// Its unknowns are −W r, in the same order; K represents W⁻¹, and only the dual operator
     /// ([`DelassusDual`](crate::dual::DelassusDual)) knows W. B separates the rows, so that r = Bᵀλ.

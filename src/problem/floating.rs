@@ -1,8 +1,8 @@
 //! Bodies that can move as a whole: the part of the kernel of K that consists of rigid-body motions.
 //!
-//! A body without enough supports has a singular stiffness matrix, whose kernel its rigid-body motions span: two translations and a
-//! rotation in the plane, three and three in space, or those of them that the supports leave free. With R, one column a motion, and
-//! a generalised inverse K⁺
+//! A body without enough supports has a singular stiffness matrix, whose kernel its rigid-body motions span. They are
+//! two translations and a rotation in the plane, three and three in space, or those of them that the supports leave
+//! free. With R, one column a motion, and a generalised inverse K⁺
 //!
 //! ```text
 //! u = K⁺(f − Bᵀλ) + R α,    Rᵀ(f − Bᵀλ) = 0,  that is  G λ = e  with  G = Rᵀ Bᵀ,  e = Rᵀ f
@@ -338,8 +338,9 @@ impl<const D: usize> FloatingBodies<D> {
         (grounded, ties)
     }
 
-    /// As many unknowns as there are motions, such that K without their rows and columns is regular: those with the
-    /// best condition of R, chosen one after the other and, if that costs little, none for which `avoid` is true.
+    /// As many unknowns as there are motions, such that K without their rows and columns is regular. They are those
+    /// with the best condition of R, chosen one after the other and, if that costs little, none for which `avoid` is
+    /// true.
     pub(crate) fn unknowns_to_fix(&self, avoid: impl Fn(usize) -> bool) -> Vec<u32> {
         let mut fixed = Vec::new();
         for body in &self.bodies {

@@ -2,8 +2,8 @@
 //!
 //! Violations are relative to the present problem, not to rigid-body displacements nor to an earlier, larger load:
 //!
-//! - lengths to the largest deformation, which is u without the mean rigid-body motion of each connected body, or, if larger, to
-//!   the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
+//! - lengths to the largest deformation, which is u without the mean rigid-body motion of each connected body; or, if
+//!   larger, to the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
 //! - forces to the acting ones: the larger of ‖f‖ (without the contribution of prescribed displacements) and ‖Bᵀλ‖.
 //!
 //! A difference within the rounding of its terms (32 units in the last place) counts as zero: f64 resolves nothing smaller. Each
@@ -78,8 +78,8 @@ impl<const D: usize> ContactProblem<D> {
 }
 
 impl<const D: usize, K> ContactProblem<D, K> {
-    /// The vector to multiply with K to test equilibrium: u without the motions of floating bodies, along which K R = 0,
-    /// because products with rounded numbers are less accurate the farther a body has moved. Also the rounding of its
+    /// The vector to multiply with K to test equilibrium: u without the motions of floating bodies, along which K R
+    /// = 0. Products with rounded numbers are less accurate the farther a body has moved. Also the rounding of its
     /// entries, which includes that of the removed motion.
     pub(crate) fn deformed(&self, u: &[f64]) -> [Vec<f64>; 2] {
         let floating = self.floating_bodies();
@@ -93,9 +93,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         [deformed, sizes]
     }
 
-    /// The largest lengths whose differences are the gap and the slip of each row: gap or origin of slip, the earlier motion of
-    /// the bodies, and the effect of the earlier force on its own node: a u that this force has brought to rest has the rounding
-    /// of that.
+    /// The largest lengths whose differences are the gap and the slip of each row: gap or origin of slip, the earlier
+    /// motion of the bodies, and the effect of the earlier force on its own node. A u that this force has brought to
+    /// rest has the rounding of that.
     pub(crate) fn reach(&self) -> Vec<f64> {
         let case = self.load_case();
         let mut reach = match &case.travelled {
@@ -197,8 +197,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
         }
     }
 
-    /// The nodes that have slipped by more than rounding and a part of the deformation, each with its slip along the tangents
-    /// (of length D, without a normal part); without tied nodes.
+    /// The nodes that have slipped by more than rounding and a part of the deformation, without tied nodes. Each has
+    /// its slip along the tangents (of length D, without a normal part).
     pub(crate) fn slipped(
         &self,
         u: &[f64],
@@ -353,8 +353,8 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 }
 
-/// The distance of λτ,i and the slip of a node from (3), as a length: the slip if it sticks, the part of the slip that
-/// is not along λτ,i if it does not, or the distance of λτ,i from its bound times the compliance c, whichever is less.
+/// The distance of λτ,i and the slip of a node from (3), as a length. It is the slip if the node sticks, else the part
+/// of the slip that is not along λτ,i; or, if that is less, the distance of λτ,i from its bound times the compliance c.
 /// A force that misses its bound by a rounding error still slips.
 pub(crate) fn slip_violation(lambda: &[f64], slip: &[f64], g: f64, c: f64) -> f64 {
     if !(c > 0.0) {

@@ -41,8 +41,8 @@ pub struct Matrices<'a, const D: usize = 2> {
     pub gap: &'a [f64],
     /// Whether entries of d below 0 are intended: an overlap of pressed or shrunk parts.
     pub interference: bool,
-    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet of
-    /// another: forces on the bodies are still unique, multipliers need not be.
+    /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one
+    /// facet of another. Forces on the bodies are still unique, multipliers need not be.
     pub dependent_rows: bool,
     /// g, length m; may be empty where coefficients of friction are given.
     pub slip_bound: &'a [f64],

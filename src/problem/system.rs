@@ -135,8 +135,8 @@ impl<const D: usize> System<D> {
         touched
     }
 
-    /// The ranks with the other unknowns, if this process has not all: u, f, the columns of B and all vectors over them are
-    /// then this rank's part, and sums over the unknowns go over all ranks.
+    /// The ranks with the other unknowns, if this process has not all. u, f, the columns of B and all vectors over them
+    /// are then this rank's part, and sums over the unknowns go over all ranks.
     pub(crate) fn ranks(&self) -> &Ranks {
         &self.ranks
     }
@@ -187,9 +187,9 @@ impl<const D: usize> System<D> {
         &self.diagonal
     }
 
-    /// The compliance of a multiplier at its own contact node, if nothing moved except the contact itself and, one at a time,
-    /// the unknowns that it acts on: Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ if it acts on one) and Cᵢᵢ, length D m; 0 for an empty row of
-    /// hard contact.
+    /// The compliance of a multiplier at its own contact node, if nothing moved except the contact itself and, one at a
+    /// time, the unknowns that it acts on. This is Σⱼ Bᵢⱼ²/Kⱼⱼ (at most Aᵢᵢ if it acts on one) and Cᵢᵢ, length D m; 0
+    /// for an empty row of hard contact.
     pub(crate) fn compliance(&self) -> &[f64] {
         &self.compliance
     }
@@ -311,8 +311,8 @@ pub(super) fn is_coupled<const D: usize>(k: &BlockCsr<D>, unknown: usize) -> boo
         .any(|(&j, block)| (0..D).any(|b| D * j as usize + b != unknown && block[a][b] != 0.0))
 }
 
-/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B; both tangents of a node in space get their mean: it does not depend on which pair of
-/// tangents they are, and a disc stays one. An empty row keeps its 0.
+/// Σⱼ Bᵢⱼ²/Kⱼⱼ for each row i of B. Both tangents of a node in space get their mean. It does not depend on which pair
+/// of tangents they are, and a disc stays one. An empty row keeps its 0.
 pub(super) fn compliances<const D: usize>(
     normal: &Csr,
     tangential: &Csr,

@@ -5,9 +5,9 @@ use std::borrow::Cow;
 
 /// The dependence of the nodes of second-order elements on their corners, and the stiffness matrix of the corners.
 ///
-/// A displacement that is linear along the edges is known from the corners alone. Such displacements contain most of the soft
-/// modes, and their matrix is that of first-order elements on the same corners, with a seventh of the rows (Sundar, Stadler and
-/// Biros 2015 compare such hierarchies).
+/// A displacement that is linear along the edges is known from the corners alone. Such displacements contain most of
+/// the soft modes. Their matrix is that of first-order elements on the same corners, with a seventh of the rows
+/// (Sundar, Stadler and Biros 2015 compare such hierarchies).
 #[derive(Clone, Debug)]
 pub struct Vertices<const D: usize = 2> {
     /// From the displacements of the corners to those of all nodes: a block row for each node of K, a block column for each

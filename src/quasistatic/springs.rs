@@ -2,7 +2,7 @@
 //!
 //! Under Coulomb's law forces that balance a body may exist (a block turned about its vertical axis could rest on its
 //! corners) that belong to no motion. With weak springs between the bodies and their earlier positions a state always
-//! exists: held bodies hardly feel the springs, others move until the springs bear the part of the load that contact
+//! exists. Held bodies hardly feel the springs; others move until the springs bear the part of the load that contact
 //! and friction do not.
 //!
 //! Springs of stiffness k on each of the motions R, with orthonormal columns, turn K into K + k R Rᵀ:
@@ -18,10 +18,10 @@ use crate::sparse::add_times;
 use crate::ssnm::Solution;
 use std::sync::Arc;
 
-/// k is so small that springs which bear the whole load would take up this many times the work of the contact forces on their
-/// own nodes. A held body then moves as if there were no springs; one that is pushed by 1e-4 more than it bears moves until
-/// the springs take up more work than the contact. From 1e4 to 1e8 a block turned 3 % beyond its friction takes 24 to 25 steps
-/// and leaves the springs 3.73 to 3.77; with 1e10 one in four no longer converges.
+/// k is so small that springs which bear the whole load would take up this many times the work of the contact forces on
+/// their own nodes. A held body then moves as if there were no springs. One that is pushed by 1e-4 more than it bears
+/// moves until the springs take up more work than the contact. From 1e4 to 1e8 a block turned 3 % beyond its friction
+/// takes 24 to 25 steps and leaves the springs 3.73 to 3.77. With 1e10 one in four no longer converges.
 pub(super) const WEAK: f64 = 1e8;
 
 /// The result for bodies on weak springs.

@@ -23,8 +23,9 @@ pub struct Group {
     calls: AtomicU64,
 }
 
-// SAFETY: a communicator is a handle that any thread may use; MPI was initialised for calls from several threads, one at a time
-// (`MPI_THREAD_SERIALIZED`), and ranks make their collective calls in one order, so that there is never more than one under way.
+// SAFETY: a communicator is a handle that any thread may use. MPI was initialised for calls from several threads, one
+// at a time (`MPI_THREAD_SERIALIZED`). Ranks make their collective calls in one order, so that there is never more than
+// one under way.
 unsafe impl Send for Group {}
 // SAFETY: as above.
 unsafe impl Sync for Group {}

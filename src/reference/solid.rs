@@ -32,8 +32,8 @@ pub const CASE_C: Solid = Solid {
     tresca: 3e6,
 };
 
-/// A slender beam of 10 × 1 × 1, pressed down except at its end and pulled sideways there: bending dwarfs everything else
-/// in A, and pressures nearly vanish over much of the base.
+/// A slender beam of 10 × 1 × 1, pressed down except at its end and pulled sideways there. Bending dwarfs everything
+/// else in A, and pressures nearly vanish over much of the base.
 pub const BEAM: Solid = Solid {
     size: [10.0, 1.0, 1.0],
     top: |[x, y, _]| [0.0, 0.0, if x < 7.0 { -2e6 * (1.0 + y) } else { 0.0 }],

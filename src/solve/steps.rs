@@ -1,9 +1,10 @@
 //! Load steps made one after another, and cycles of them.
 //!
-//! Where contacts wear, slip s under a contact force λ takes off a depth k s λ / area in a load step: a compliance of the gap, which never
-//! springs back. With it pressures at the end of a step are those that its own wear leaves (implicit Euler): taken off with the pressures
-//! of the step before, wear would swing from place to place as soon as it exceeds what the bodies give way by. Slip is that of the same
-//! step in the cycle before, or of the same step solved before, where it differs.
+//! Where contacts wear, slip s under a contact force λ takes off a depth k s λ / area in a load step. This is a
+//! compliance of the gap, which never springs back. With it pressures at the end of a step are those that its own wear
+//! leaves (implicit Euler). Taken off with the pressures of the step before, wear would swing from place to place as
+//! soon as it exceeds the amount by which the bodies give way. Slip is that of the same step in the cycle before, or of
+//! the same step solved before, where it differs.
 //!
 //! Wear of one cycle is little. Each cycle that is computed therefore counts for as many as move a stated part of the wear to other places
 //! at most (a cycle jump). If they move more than twice that, the bodies go back to the cycle before, and fewer are left out. The rows of B
@@ -102,8 +103,8 @@ where
         let changes = data.and_then(|data| data.changes.as_ref());
         let changed =
             changes.map(|changes| Changed::new(&self.problem, load, &self.state, changes));
-        // Pairs of rows that do not act any more, beside new ones of the same nodes, lead astray: 30 to 469 steps in place of 11 where
-        // a contact becomes a tie.
+        // Pairs of rows that do not act any more, beside new ones of the same nodes, lead astray. Where a contact
+        // becomes a tie, it takes 30 to 469 steps in place of 11.
         let idle = changes.map_or(&[][..], |changes| &changes.idle);
         if idle != self.idle {
             *self.recycled = RecycledSubspace::default();

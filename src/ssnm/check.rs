@@ -99,8 +99,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         })
     }
 
-    /// Computes r from a refined u from here on, if K is so badly conditioned that rounding of K⁻¹ hides the accuracy of the
-    /// goal; false if there is nothing to gain.
+    /// Computes r from a refined u from here on, if K is so badly conditioned that rounding of K⁻¹ hides the accuracy
+    /// of the goal. False if there is nothing to gain.
     fn refine(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
         if !self.products.refine() {
             return Ok(false);
@@ -112,9 +112,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 
     /// Counts what the rounding of forces does to the gaps as part of their rounding from here on; false if it did before.
     ///
-    /// Loads and products with K are known to the rounding of their terms. Where K is badly conditioned, B K⁻¹ times that is more
-    /// than the rounding of B u: no computation with these data finds smaller gaps, or the forces that close them. The signs of
-    /// rounding are arbitrary.
+    /// Loads and products with K are known to the rounding of their terms. Where K is badly conditioned, B K⁻¹ times
+    /// that is more than the rounding of B u. No computation with these data finds smaller gaps, or the forces that
+    /// close them. The signs of rounding are arbitrary.
     fn blur(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
         if !self.blur.is_empty() {
             return Ok(false);

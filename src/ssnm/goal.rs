@@ -82,13 +82,14 @@ impl Goal {
             && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
     }
 
-    /// Whether the possible change of a pressure or a traction by the gradient r at a point is as small a part of the largest
-    /// pressure (without pressure, of the largest traction) as ε requires.
+    /// Whether the possible change of a pressure or a traction by the gradient r at a point is a small enough part of
+    /// the largest pressure for ε. Without pressure, the largest traction counts.
     ///
-    /// Gaps r in closed contacts are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if only the unknowns
-    /// under the contact moved: neighbours over the same unknowns share them, and a fine mesh on a coarse soft one has patterns of
-    /// force that only its own unknowns resist. No gap is more accurate than the rounding of its terms, and a force that closes
-    /// less counts as zero. These terms are displacements up to `moved` in its row, even if they cancel in B u.
+    /// Gaps r in closed contacts are closed by forces δ with (B D⁻¹ Bᵀ + C) δ = −r, D the diagonal of K, as if only the
+    /// unknowns under the contact moved. Neighbours over the same unknowns share them, and a fine mesh on a coarse soft
+    /// one has patterns of force that only its own unknowns resist. No gap is more accurate than the rounding of its
+    /// terms, and a force that closes less counts as zero. These terms are displacements up to `moved` in its row, even
+    /// if they cancel in B u.
     pub fn forces_met<const D: usize, K>(
         &self,
         problem: &ContactProblem<D, K>,
@@ -248,8 +249,8 @@ mod tests {
         .unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// (B D⁻¹ Bᵀ) has the blocks 1 + J/under, J all ones: (1 + 2/under)⁻¹ for equal forces on both nodes of a pair, and
-    /// 1 for opposite ones, however soft the other side is.
+    /// (B D⁻¹ Bᵀ) has the blocks 1 + J/under, J all ones. Its inverse is (1 + 2/under)⁻¹ for equal forces on both nodes
+    /// of a pair, and 1 for opposite ones, however soft the other side is.
     #[test]
     fn a_side_unseen_by_the_other_closes_by_itself() {
         let problem = four_on_two(1e-3);

@@ -35,8 +35,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
 ///
 /// All directions p = F y are kept with the free part of A p, q = Zᵀ A p, and each step is the best on their span.
 /// - F = Z: with pᵢᵀqⱼ = 0 it minimises q(λ). These are the conjugate gradients of the paper.
-/// - Under Coulomb's law, where on a node that slips in the direction s λτ = sμλν, Zᵀ A F is not symmetric: with qᵢᵀqⱼ = 0 it
-///   minimises ‖Zᵀr‖ (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
+/// - Under Coulomb's law, λτ = sμλν on a node that slips in the direction s, and Zᵀ A F is not symmetric. With qᵢᵀqⱼ =
+///   0 it minimises ‖Zᵀr‖ (generalised conjugate residuals: Eisenstat, Elman and Schultz 1983).
 ///
 /// Where circles curve, A is A + diag κ, and the residual is preconditioned. It also ends when a direction or its image adds
 /// nothing new, and after somewhat more than twice as many iterations as there are free multipliers. Returns their number.

@@ -4,10 +4,11 @@
 //!
 //! b(z − P(z)) + rᵏ + (A + τI)(P(z) − λᵏ) = 0,
 //!
-//! and P is the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. If contacts depend on each other,
-//! like those of rigid bodies, A is singular on the sets of the solution, and forces are not unique: τ, a small part of b, selects
-//! those nearest to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976; Acary, Brémond and Huber compare it with
-//! others for such contacts, On solving contact problems with Coulomb friction: formulations and numerical comparisons, 2018).
+//! and P is the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. If contacts depend on
+//! each other, like those of rigid bodies, A is singular on the sets of the solution, and forces are not unique. τ, a
+//! small part of b, selects those nearest to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976).
+//! Acary, Brémond and Huber compare it with others for such contacts (On solving contact problems with Coulomb
+//! friction: formulations and numerical comparisons, 2018).
 
 use super::Numbers;
 use super::law::Law;

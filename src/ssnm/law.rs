@@ -92,7 +92,7 @@ impl Law {
         }
     }
 
-    /// Balances the bodies to rounding by the multipliers that bear forces, if possible: a force on a node with a gap,
+    /// Balances the bodies to rounding by the multipliers that bear forces, if possible. A force on a node with a gap,
     /// however small, is work that no step can take back.
     pub fn balance<const D: usize>(&self, lambda: &mut Vec<f64>, balance: &Balance) {
         if balance.holds(lambda) {

@@ -183,8 +183,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         (point, steps, is_solved)
     }
 
-    /// On the surrogate, the same; under Coulomb's law in shorter steps where the last ones were `fruitless`: under given bounds
-    /// the minimum of q on the chord makes a step as short as necessary.
+    /// On the surrogate, the same. Under Coulomb's law it takes shorter steps where the last ones were `fruitless`;
+    /// under given bounds the minimum of q on the chord makes a step as short as necessary.
     fn on_surrogate(&self, way: &Way<D>, fruitless: usize) -> (Point, usize, bool) {
         let (surrogate, from) = (&self.surrogate, &way.point);
         let base = surrogate.base();
@@ -262,8 +262,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         };
         way.point = before.towards(&end, part);
         self.refresh(&mut way.point, part)?;
-        // If the part outside the span of known directions is only rounding of the step, it contains no information. (Under
-        // Coulomb's law a block that is unloaded to 1e-4 takes 74 steps without such pairs, 40 with them.)
+        // If the part outside the span of known directions is only rounding of the step, it contains no information.
+        // Under Coulomb's law a block that is unloaded to 1e-4 takes 74 steps without such pairs, 40 with them.
         if self.law.is_coulomb() || norm(&rest) > INDEPENDENT * norm(step) {
             self.learn(&rest, &new);
         }

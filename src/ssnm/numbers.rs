@@ -67,17 +67,17 @@ numbers! {
     /// The factor in accuracy of products if nothing else makes progress, and of a final check after one that has failed:
     /// an iteration or two of PCG. Twice or half of it makes no difference.
     sharper: f64 = 0.3;
-    /// The most pairs kept in the surrogate. Most problems end with fewer than 60 in a load step; a bar of 600 by 1, whose
-    /// slip creeps from end to end, takes 209 products, and some 30 more with half as many pairs.
+    /// The most pairs kept in the surrogate. Most problems end with fewer than 60 in a load step. A bar of 600 by 1,
+    /// whose slip creeps from end to end, takes 209 products, and some 30 more with half as many pairs.
     pairs: usize = 240;
     /// A problem on the surrogate is solved to this part of the present error: products are not more accurate.
     solved: f64 = 0.03;
-    /// Where A is available as a matrix, the least τ of a step on it, as a part of the mean of its diagonal: smaller
-    /// values are rounding where rows of B depend on each other. With 1e-6 every step leaves 1e-6 of forces along which A
-    /// is small.
+    /// Where A is available as a matrix, the least τ of a step on it, as a part of the mean of its diagonal. Smaller
+    /// values are rounding where rows of B depend on each other. With 1e-6 every step leaves 1e-6 of forces along which
+    /// A is small.
     proximal: f64 = 1e-12;
-    /// τ grows by this factor after a step that is not solved, and falls by it after one that is: of 16 random packings 15 are
-    /// solved in 2 400 Newton steps, with 10, from 1e-6 on, as many in 3 500.
+    /// τ grows by this factor after a step that is not solved, and falls by it after one that is. Of 16 random packings
+    /// 15 are solved in 2 400 Newton steps; with 10, from 1e-6 on, as many in 3 500.
     proximal_factor: f64 = 100.0;
     /// The most Newton steps for it: most problems take 1 to 6, and where sweeps are needed more steps do not help.
     matrix_steps: usize = 12;
@@ -94,8 +94,8 @@ numbers! {
     memory: usize = 4;
     /// The most halvings of a step: where 1/64 of it makes no progress, another direction is needed.
     halvings: usize = 6;
-    /// Where q is not a measure, mainly under Coulomb's law, an error may grow by this factor in a step before a shorter step
-    /// is taken: changing sets make it go up and down.
+    /// Where q is not a measure, mainly under Coulomb's law, an error may grow by this factor in a step before a
+    /// shorter step is taken. Changing sets make it go up and down.
     growth: f64 = 2.0;
     /// An error below this part of the least so far counts as progress.
     progress: f64 = 0.9;
@@ -104,12 +104,13 @@ numbers! {
     fruitless: usize = 15;
     /// Steps without progress under Coulomb's law before the method returns to the best point.
     patience: usize = 45;
-    /// Steps in a row that do not lower the error, and pairs hidden by errors of products, before products by PCG are made more
-    /// accurate; under given bounds also steps before the method returns to the best point, if the last one has not lowered q
-    /// either.
+    /// Steps in a row that do not lower the error, and pairs hidden by errors of products, before products by PCG are
+    /// made more accurate. Under given bounds it is also the number of steps before the method returns to the best
+    /// point, if the last one has not lowered q either.
     denied: usize = 4;
-    /// The largest remaining change of a pressure by the gradient at the end, in ε times the largest pressure, estimated as if only
-    /// the unknowns under the contact moved: a third of the promised accuracy, because other unknowns move as well.
+    /// The largest remaining change of a pressure by the gradient at the end, in ε times the largest pressure,
+    /// estimated as if only the unknowns under the contact moved. It is a third of the promised accuracy, because other
+    /// unknowns move as well.
     forces: f64 = 1000.0;
     /// Steps of conjugate gradients for this change: 100 of them find the same in all cases measured.
     force_steps: usize = 10;

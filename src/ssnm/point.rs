@@ -24,7 +24,7 @@ impl Point {
         0.5 * sum
     }
 
-    /// The part of [`Point::q_change`] that is rounding of the multipliers: on a circle, where r does not vanish, it
+    /// The part of [`Point::q_change`] that is rounding of the multipliers. On a circle, where r does not vanish, it
     /// hides changes below about the square root of the rounding unit of f64.
     pub fn q_rounding(&self, to: &Self) -> f64 {
         let mut sum = 0.0;

@@ -1,9 +1,9 @@
 //! Products with A and the gradient r = Aλ − b.
 //!
-//! With a factor, products are exact and r is updated along with λ. With iterations, a product is made to a part of its energy
-//! ([`super::Numbers::product`]), and r is not updated but recomputed: it is c − B u with a u that follows λ. The displacement
-//! found by a product is added to u, and PCG on the residual f − Bᵀλ − K u removes the errors of products and earlier steps, in one
-//! or two iterations a step. Without them errors accumulate, and err stops at about 1e-3.
+//! With a factor, products are exact and r is updated along with λ. With iterations, a product is made to a part of its
+//! energy ([`super::Numbers::product`]). r is not updated but recomputed: it is c − B u with a u that follows λ. The
+//! displacement found by a product is added to u. PCG on the residual f − Bᵀλ − K u then removes the errors of products
+//! and earlier steps, in one or two iterations a step. Without them errors accumulate, and err stops at about 1e-3.
 
 use super::scaling::Scaled;
 use super::{EXACT, Method, NewtonSettings, Numbers};
@@ -144,7 +144,7 @@ impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
         Ok(r)
     }
 
-    /// r at a λ that has moved by `along` times the p of the last product, as accurate as an error of `err` requires;
+    /// r at a λ that has moved by `along` times the p of the last product, as accurate as an error of `err` requires.
     /// `expected` is the assumed r so far. None where r is updated.
     pub fn afresh(
         &mut self,

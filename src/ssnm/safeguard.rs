@@ -1,12 +1,12 @@
 //! The safeguard of the algorithms as printed: the definition of progress, and the action without it.
 //!
-//! With a large ρ neither q nor err falls in each step, and the sets still converge. So a step is replaced only where the
-//! algorithm cycles: the sets of an earlier step return, after others and without any progress since, or there is no progress
-//! in many steps.
+//! With a large ρ neither q nor err falls in each step, and the sets still converge. So a step is replaced only where
+//! the algorithm cycles. Either the sets of an earlier step return, after others and without any progress since, or
+//! there is no progress in many steps.
 //!
-//! Under given bounds q falls along safeguarded steps, which is a proof: a projected gradient step with ρ = 1/σ_max < 2/σ_max
-//! lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law the error is the only
-//! measure, and no step is known to lower it.
+//! Under given bounds q falls along safeguarded steps. This is a proof: a projected gradient step with ρ = 1/σ_max <
+//! 2/σ_max lowers q by at least half of ρ‖r̃_ρ‖² (Kučera 2008, reference 2 of the paper). Under Coulomb's law the error
+//! is the only measure, and no step is known to lower it.
 
 use super::newton::{Newton, Way};
 use super::point::Point;

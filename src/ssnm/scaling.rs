@@ -10,10 +10,10 @@ use crate::sparse::{Csr, norm_max};
 /// contact: it is included in every product and gradient here, whatever makes A, so that the code above need not know it.
 ///
 /// One ρ for all multipliers suits contact nodes of similar stiffness. Where materials differ, the diagonal of A varies
-/// as much, and the sets that one ρ predicts are wild on one side or slow to move on the other. S evens out the estimate
-/// Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back and forth is exact, and only beyond a factor
-/// of four from the median: a homogeneous problem is unchanged. Corners of a block differ by exactly that factor (one
-/// cell meets there, four on a face), and rounding must not decide on them.
+/// as much, and the sets that one ρ predicts are wild on one side or slow to move on the other. S evens out the
+/// estimate Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back and forth is exact. It does so
+/// only beyond a factor of four from the median, so that a homogeneous problem is unchanged. Corners of a block differ
+/// by exactly that factor (one cell meets there, four on a face), and rounding must not decide on them.
 pub(super) struct Scaled<'a, O: ?Sized> {
     dual: &'a mut O,
     /// S, or None for the identity.

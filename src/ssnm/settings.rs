@@ -24,7 +24,7 @@ pub enum Method {
 #[derive(Clone, Debug)]
 pub struct NewtonSettings {
     /// ε, in (0, 1): the tolerance. The error err = ‖r̃_ρ(P_Λ(λ))‖ is reached relative to err⁰, that at λ = 0 (or,
-    /// where bodies can move as a whole, at the least forces that balance them); in addition the possible effect of the
+    /// where bodies can move as a whole, at the least forces that balance them). In addition the possible effect of the
     /// remaining gradient is made so small that nodal pressures are accurate to 3000 ε of the largest.
     pub tolerance: f64,
     /// β > 0: ρ = β / σ_max.

@@ -12,17 +12,17 @@ use std::fmt;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Status {
-    /// err ≤ ε err⁰ (or ε times the effect of the forces on their own nodes, or rounding), the nodal forces are as accurate
-    /// as ε requires, and the optimality conditions checked in f64 against K are met to 10 ε.
+    /// err ≤ ε err⁰ (or ε times the effect of the forces on their own nodes, or rounding). The nodal forces are as
+    /// accurate as ε requires, and the optimality conditions checked in f64 against K are met to 10 ε.
     Converged,
     /// `max_iterations` reached.
     IterationLimit,
     /// Progress has stopped: the tolerance is below the accuracy of f64, or of PCG, here, or under Coulomb's law no
     /// step lowers the error.
     Stagnated,
-    /// Contact and friction do not balance the loads on a body that can move as a whole: no forces within the law do, or,
-    /// under Coulomb's law, none that contact reaches ([`crate::quasistatic::NotHeld::proven`]). λ balances them as far
-    /// as possible ([`Solution::imbalance`]), and no outer steps are made in the former case.
+    /// Contact and friction do not balance the loads on a body that can move as a whole. No forces within the law do,
+    /// or, under Coulomb's law, none that contact reaches ([`crate::quasistatic::NotHeld::proven`]). λ balances them as
+    /// well as possible ([`Solution::imbalance`]), and no outer steps are made in the former case.
     NotHeld,
     /// `time_limit` reached.
     TimeLimit,

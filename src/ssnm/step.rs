@@ -109,9 +109,9 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         self.move_to(point, start)?;
         // Step 3.3.
         let iterations = self.solve_inner(point, face, target)?;
-        // Step 3.4 takes the error at a point of Λ, and the next step continues from there; but a multiplier that the inner
-        // problem has moved beyond its bound leaves its set, whatever r is at the projection. (The extensions to the paper,
-        // balance and Coulomb's law, use feasible forces.)
+        // Step 3.4 takes the error at a point of Λ, and the next step continues from there. But a multiplier that the
+        // inner problem has moved beyond its bound leaves its set, whatever r is at the projection. (The extensions to
+        // the paper, balance and Coulomb's law, use feasible forces.)
         if self.balance.is_none() && !self.law.is_coulomb() {
             way.inner = Some(point.clone());
         }

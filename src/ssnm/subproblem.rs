@@ -1,18 +1,18 @@
 //! The contact problem with a surrogate instead of A: Algorithm SSNM in as many unknowns as there are pairs.
 //!
-//! With Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`), the conditions of the contact problem at λ are those
-//! of a problem with the matrix b I on each node alone, b = c + τ, given s = S Uᵀ(λ − λᵏ) and the change a of the motion of
-//! the bodies:
+//! Take Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`). Given s = S Uᵀ(λ − λᵏ) and the change a of
+//! the motion of the bodies, the conditions of the contact problem at λ are those of a problem with the matrix b I on
+//! each node alone, b = c + τ:
 //!
 //! λ = P(z), z = λᵏ − (rᵏ + U s − Gᵀa)/b,
 //!
 //! with bI + C instead of bI for compliant contact: both tangents of a node have the same compliance, so that a disc stays a
 //! disc.
 //!
-//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is S s = Uᵀ(λ −
-//! λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of Woodbury. The
-//! derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle. (Becker and Fadili,
-//! A quasi-Newton proximal splitting method, NIPS 2012, have the same for one pair.)
+//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is S s =
+//! Uᵀ(λ − λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of
+//! Woodbury. The derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle.
+//! For one pair, Becker and Fadili have the same (A quasi-Newton proximal splitting method, NIPS 2012).
 //!
 //! Where Newton's method finds no descent, τ is raised: the larger it is, the shorter the step, until the problem is that of a
 //! projected gradient step.
@@ -265,7 +265,7 @@ mod tests {
     use crate::dual::scatter;
 
     /// A contact problem on a surrogate of a few pairs of diag(1, 2, 3, …) + uuᵀ, compared with many thousand projected
-    /// gradient steps: the error of the answer, that at the start, and the distance of the two answers.
+    /// gradient steps. Returns the error of the answer, that at the start, and the distance of the two answers.
     fn compare<const D: usize>(law: &Law, m: usize, pairs: usize, seed: usize) -> [f64; 3] {
         let n = D * m;
         let numbers = scatter(n * (pairs + 3) + seed);

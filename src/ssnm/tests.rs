@@ -245,8 +245,8 @@ fn products_are_as_accurate_as_the_error_needs_them() {
     assert!(products.are_exact());
 }
 
-/// In powers of two, by the root of how much softer or stiffer than the median a node is, and not at all within a factor of
-/// four, on the dot included.
+/// In powers of two, by the root of how much softer or stiffer than the median a node is. Within a factor of four, the
+/// bound included, not at all.
 #[test]
 fn multipliers_are_scaled_where_stiffness_varies() {
     let own = [1.0, 1.0, 1.0, 4.0, 0.25, 100.0, 1e-6];
@@ -290,7 +290,7 @@ fn multipliers_are_scaled_where_stiffness_varies() {
     assert_eq!(x, vec![0.1; 2 * m]);
 }
 
-/// In space both tangents of a node have the factor of the softer one, so that a disc stays a disc; directions without
+/// In space both tangents of a node have the factor of the softer one, so that a disc stays a disc. Directions without
 /// sliding are unchanged. b̂ = S b and ĝ = S⁻¹ g by hand, and displacements are those of λ = S λ̂.
 #[test]
 fn both_tangents_of_a_node_are_scaled_alike() {

@@ -1,28 +1,29 @@
 //! Algebraic multigrid by smoothed aggregation (Vaněk, Mandel, Brezina 1996): the hierarchy and its V-cycle, a preconditioner
 //! z = M r ≈ K⁻¹ r for conjugate gradients.
 //!
-//! Nodes that are strongly coupled are grouped into aggregates. On each aggregate the rigid body modes (in the plane two
-//! translations and one rotation, in space three and three) give as many coarse unknowns; this tentative prolongation Q is
-//! smoothed by two steps of a damped Jacobi iteration, P = (I − ω₂ D⁻¹A)(I − ω₁ D⁻¹A) Q, and the coarse matrix is PᵀAP. So
-//! level 0 has 2 × 2 (3 × 3) blocks, the levels below 3 × 3 (6 × 6) blocks, and those of level 0 without coordinates for the
-//! rotations.
+//! Nodes that are strongly coupled are grouped into aggregates. On each aggregate the rigid body modes (in the plane
+//! two translations and one rotation, in space three and three) give as many coarse unknowns. Two steps of a damped
+//! Jacobi iteration smooth this tentative prolongation Q, P = (I − ω₂ D⁻¹A)(I − ω₁ D⁻¹A) Q. The coarse matrix is PᵀAP.
+//! So level 0 has 2 × 2 (3 × 3) blocks, the levels below 3 × 3 (6 × 6) blocks, and those of level 0 without coordinates
+//! for the rotations.
 //!
-//! Where elements are many times as long as wide, three things matter. Only neighbours that are also near count as strong:
-//! ties along the diagonals of flat elements are not weak. P has blocks only for the aggregates of a node and of the nodes
-//! that pull at it, while all other neighbours move rigidly with the node's own aggregate: rigid-body motions stay exact, and
-//! the coarse matrices sparse. And the D of the smoother consists of the blocks of patches of up to four nodes that hold each
-//! other much more than others, elsewhere of the blocks of nodes, as everywhere in P.
+//! Where elements are many times as long as wide, three things matter. Only neighbours that are also near count as
+//! strong: ties along the diagonals of flat elements are not weak. P has blocks only for the aggregates of a node and
+//! of the nodes that pull at it, while all other neighbours move rigidly with the node's own aggregate. So rigid-body
+//! motions stay exact, and the coarse matrices sparse. The D of the smoother consists of the blocks of patches of up to
+//! four nodes that hold each other much more than others. Elsewhere it consists of the blocks of nodes, as everywhere
+//! in P.
 //!
-//! A fixed component of a node, which K holds as a decoupled diagonal entry, has no part in the modes; a node that is tied to
-//! no other has no aggregate and is solved by the smoother. Where the modes are dependent on an aggregate (a single node has
-//! two), the missing coarse unknowns have decoupled diagonal entries.
+//! A fixed component of a node, which K holds as a decoupled diagonal entry, has no part in the modes. A node that is
+//! tied to no other has no aggregate; the smoother solves it. Where the modes are dependent on an aggregate (a single
+//! node has two), the missing coarse unknowns have decoupled diagonal entries.
 //!
-//! Elements of second order: the level below K is that of their corners, which the middles follow linearly; there the matrix
-//! is that of the elements of first order, and aggregation begins. Aggregates of all nodes would take half as many iterations
-//! more, and a third more memory.
+//! Elements of second order: the level below K is that of their corners, which the middles follow linearly. The matrix
+//! there is that of the elements of first order, where aggregation begins. Aggregates of all nodes would take half as
+//! many iterations more, and a third more memory.
 //!
-//! Everything is computed in f64 and then stored as `S`, f32 by default, with K scaled by a power of two to entries of about
-//! 1, so that the units of the problem do not matter.
+//! Everything is computed in f64 and then stored as `S`, f32 by default. K is scaled by a power of two to entries of
+//! about 1, so that the units of the problem do not matter.
 
 mod aggregation;
 mod coarse;
@@ -57,14 +58,13 @@ pub struct AmgSettings {
     /// θ on all levels without coordinates, where [`AmgSettings::reach`] cannot help: with 0.4 bodies of graded
     /// hexahedra take 24 iterations, with 0.2 more than 60.
     pub theta_without_points: f64,
-    /// Strong neighbours are closer than this times the geometric mean of the distances of the closest of either. From 2.5
-    /// to 4 bodies of graded hexahedra take 15 to 17 iterations, 59 and 75 without; triangles, whose closest neighbour
-    /// may be very close, prefer 4 (21 instead of 23 on flat ones).
+    /// Strong neighbours are closer than this times the geometric mean of the distances of the closest of either. From
+    /// 2.5 to 4 bodies of graded hexahedra take 15 to 17 iterations, 59 and 75 without. Triangles, whose closest
+    /// neighbour may be very close, prefer 4 (21 instead of 23 on flat ones).
     pub reach: f64,
-    /// Weights of the two smoothing steps of the prolongation, in units of 4/3 over the spectral radius of D⁻¹A with the
-    /// blocks of the nodes. A single step of 1 takes 20 to 40 % more iterations; (1, 2) and
-    /// (0.85, 2.3) differ little: the former is better in the plane (12 for 13), the latter on large graded bodies (17
-    /// for 19).
+    /// Weights of the two smoothing steps of the prolongation, in units of 4/3 over the spectral radius of D⁻¹A with
+    /// the blocks of the nodes. A single step of 1 takes 20 to 40 % more iterations. (1, 2) and (0.85, 2.3) differ
+    /// little: the former is better in the plane (12 for 13), the latter on large graded bodies (17 for 19).
     pub weights: [f64; 2],
     /// Whether the nodes with the most strong neighbours found their aggregates first. This makes fewer and larger
     /// aggregates; otherwise the order is that of their numbers.
@@ -101,7 +101,7 @@ impl Default for AmgSettings {
 
 impl AmgSettings {
     /// The settings that suit bodies of a dimension. In space a row has three times the blocks and a coarse block four
-    /// times the entries: all neighbours except the weakest belong to an aggregate there, which limits the complexity.
+    /// times the entries. All neighbours except the weakest belong to an aggregate there, which limits the complexity.
     pub fn of_dimension(dimension: usize) -> Self {
         match dimension {
             3 => Self {
@@ -355,8 +355,9 @@ impl<S: Real> Hierarchy<S> {
         Self::of_skeleton(Some(skeleton), k, coordinates, vertices, None)
     }
 
-    /// The hierarchy of a K with other values on the aggregates, the patches and the pattern of P of this one; the values of P,
-    /// the coarse matrices and the bounds of the smoothers are recomputed. Coordinates and corners may have moved.
+    /// The hierarchy of a K with other values on the aggregates, the patches and the pattern of P of this one. The
+    /// values of P, the coarse matrices and the bounds of the smoothers are recomputed. Coordinates and corners may
+    /// have moved.
     ///
     /// # Errors
     /// If K has another number of nodes or blocks, and those of [`Hierarchy::new`].

@@ -106,8 +106,8 @@ impl FactorError {
 const WORTH_THREADS: f64 = 1e11;
 /// A pivot below this part of its diagonal entry means a singular K.
 const PIVOT_LIMIT: f64 = 1e-14;
-/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), the possible size of its terms, is zero up to rounding: terms that cancel for one value
-/// of Young's modulus leave some tenths of 1e-16 for another.
+/// An entry below this part of √(Kᵢᵢ Kⱼⱼ), the possible size of its terms, is zero up to rounding. Terms that cancel
+/// for one value of Young's modulus leave some tenths of 1e-16 for another.
 const ROUNDING: f64 = 1e-14;
 
 /// The trailing block L₂₂ of one body: a dense lower triangle over the trailing positions
@@ -181,8 +181,8 @@ impl Elimination {
             .collect()
     }
 
-    /// Leaves out entries that are zero up to rounding, if the pattern has no room for all: faer accepts no more entries than
-    /// the order was made for, nor any outside of the factor.
+    /// Leaves out entries that are zero up to rounding, if the pattern has no room for all. faer accepts no more
+    /// entries than the order was made for, nor any outside of the factor.
     fn fit<const D: usize>(&self, k: &BlockCsr<D>, lower: &mut Lower) -> Result<(), FactorError> {
         let too_many = lower.row_idx.len() > self.entries;
         let missed = self.missed(lower);
@@ -383,8 +383,9 @@ impl Factor {
         })
     }
 
-    /// Factorises a K with other values in the same order, with the same pattern of the factor. K may have as many entries as the
-    /// one that it was made for, anywhere inside the pattern of the factor; entries that are zero up to rounding do not count.
+    /// Factorises a K with other values in the same order, with the same pattern of the factor. K may have as many
+    /// entries as the one that it was made for, anywhere inside the pattern of the factor. Entries that are zero up to
+    /// rounding do not count.
     ///
     /// # Errors
     /// If K has another size, or an entry elsewhere: the factor is then unchanged. If K is not positive definite, or couples

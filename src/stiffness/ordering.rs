@@ -1,8 +1,9 @@
 //! Fill-reducing orders that put the unknowns of the contact last.
 //!
-//! The graph of the blocks is ordered, not that of the unknowns: a quarter of the entries in the plane, a ninth in space.
-//! Where coordinates are known, nested dissection by coordinates keeps the boundary in contact for the end at no cost in
-//! fill; without them, joining the contact unknowns of a body into a clique makes approximate minimum degree plan for it.
+//! The graph of the blocks is ordered, not that of the unknowns: a quarter of the entries in the plane, a ninth in
+//! space. Where coordinates are known, nested dissection by coordinates keeps the boundary in contact for the end at no
+//! cost in fill. Without them, joining the contact unknowns of a body into a clique makes approximate minimum degree
+//! plan for it.
 
 use crate::sparse::BlockCsr;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -26,7 +27,7 @@ const fn leaf(dimension: usize) -> usize {
     if dimension == 3 { 100 } else { 3000 }
 }
 
-/// Whether a dense trailing block of `contact²` blocks pays: it has half as many entries, compared with a fill that is
+/// Whether a dense trailing block of `contact²` blocks pays. It has half as many entries, compared with a fill that is
 /// several times the entries of K in the plane, and grows like a power 4/3 of the nodes in space.
 fn pays(dimension: usize, contact: usize, n_blocks: usize, n_nodes: usize) -> bool {
     let fill = match dimension {

@@ -2,7 +2,7 @@
 //!
 //! A panel is column-major with `rows ≥ cols`: its top `cols × cols` part is lower triangular (entries above the
 //! diagonal are never read). Four columns are processed together, so that the vector is read and written once for four
-//! columns of the panel: the panel itself is read once, which is the lower limit.
+//! columns of the panel. The panel itself is read once, which is the lower limit.
 
 /// Columns taken together.
 const GROUP: usize = 4;

@@ -1,8 +1,8 @@
 //! x ≈ K⁻¹b by preconditioned conjugate gradients, written once for all backends.
 //!
-//! On a backend that computes in f64, CG runs on the system itself. On one that has f32 only, CG in f32
-//! makes corrections inside a refinement in f64: the residual b − Kx is made on the host in f64 against
-//! the true K, so that the answer is as accurate as that of the other path, whatever f32 has lost.
+//! On a backend that computes in f64, CG runs on the system itself. On one that has f32 only, CG in f32 makes
+//! corrections inside a refinement in f64. The host makes the residual b − Kx in f64 against the true K, so that the
+//! answer is as accurate as that of the other path, whatever f32 has lost.
 
 use super::amg::{AmgError, AmgSettings, Hierarchy, Multigrid};
 use crate::backend::{Backend, BackendError, Progress, Run};
@@ -80,7 +80,7 @@ pub(crate) const UNREACHABLE: f64 = 1e-15;
 /// meet.
 pub(crate) const GROWTH: f64 = 1e14;
 /// The energy of all iterations never exceeds that of the first ones by this factor unless K is singular up to
-/// rounding: the ratio is at most its condition, scaled to a unit diagonal.
+/// rounding. The ratio is at most its condition, scaled to a unit diagonal.
 pub(crate) const ENERGY_GROWTH: f64 = 1e12;
 /// A run counts as stalled only after this many iterations.
 const LEAST_ITERATIONS: usize = 300;

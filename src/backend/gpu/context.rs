@@ -399,8 +399,8 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
     let variable = std::env::var("WGPU_ADAPTER_NAME").ok();
     let by_variable = options.adapter.is_none() && variable.is_some();
     let wanted = options.adapter.clone().or(variable);
-    // GL shows the devices of the other interfaces once more, with less to offer, and asking for it takes
-    // time and may write to standard error: only where nothing else is there, or to look for a name.
+    // GL shows the devices of the other interfaces once more, with less to offer. Asking for it takes time and may
+    // write to standard error, so it is asked only where nothing else is there, or to look for a name.
     let mut all = match wanted {
         Some(_) => Vec::new(),
         None => sorted_adapters(!wgpu::Backends::GL),

@@ -1,5 +1,5 @@
-//! The division and layout of vectors and matrices: segments of vectors, and sliced block-ELL: slices of 32 block rows,
-//! padded to their longest row, column by column, cut into parts that fit into one binding.
+//! The division and layout of vectors and matrices: segments of vectors, and sliced block-ELL. Its slices have 32 block
+//! rows, padded to their longest row, column by column, and are cut into parts that fit into one binding.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -101,9 +101,9 @@ impl Part {
         (structure, values)
     }
 
-    /// The parts of a matrix: for each pair of segments the rows that have entries there, cut so that no array
-    /// exceeds `max_binding` bytes at `scalar_bytes` a value; None if a single slice does. `rows` and `columns` are
-    /// the segments of the vectors.
+    /// The parts of a matrix: for each pair of segments the rows that have entries there. They are cut so that no array
+    /// exceeds `max_binding` bytes at `scalar_bytes` a value; None if a single slice does. `rows` and `columns` are the
+    /// segments of the vectors.
     pub fn all<S: Sync>(
         source: &Source<S>,
         rows: &[Range<usize>],
@@ -165,7 +165,7 @@ impl Part {
     }
 }
 
-/// The slices of the widths `widths[start..]` that fit into `most` slots, as long as `wanted`: where each
+/// The slices of the widths `widths[start..]` that fit into `most` slots, as long as `wanted`. Returns where each
 /// starts, and one past the last; None if the first one does not fit.
 fn cut(
     widths: &[usize],

@@ -3,7 +3,7 @@
 use super::flat::{Flat, area, edges, turn};
 use crate::mesh::vector::{length, minus};
 
-/// The largest distance by which a hull may be inside its region, relative to its own least width: a round spot gets
+/// The largest distance by which a hull may be inside its region, relative to its own least width. A round spot gets
 /// some dozen vertices instead of one for every facet along its border, and each still has its own area.
 const ROUND: f64 = 1e-2;
 

@@ -20,7 +20,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// depend on each other, and Newton's steps lose their way. Of 250 stacks of coarse blocks in balance, 18 did not
 /// converge without passing shares on; of those 18, 3 fail with 0.3, 1 with 0.5, none with 0.7 and 1.
 const APART: f64 = 0.7;
-/// Corners of the covered part support a body, so they stay in place, but not at a distance below this: closer corners
+/// Corners of the covered part support a body, so they stay in place, but not at a distance below this. Closer corners
 /// worsen the condition of A by the square, and removing them shrinks the support by no more than this.
 const SLIVER: f64 = 1e-3;
 /// The border of the covered part has a corner where it turns by more than this, in half turns (10°).
@@ -143,8 +143,8 @@ where
 /// Sizes and distances that differ by less than this part count as equal: rounding must not decide which comes first.
 const TIE: f64 = 1e-9;
 
-/// The order of things from the smallest to the largest, of equal ones from the innermost to the outermost and then by number:
-/// sizes and distances from the middle do not depend on how a model is turned or its nodes are numbered.
+/// The order of things from the smallest to the largest, of equal ones from the innermost to the outermost and then by
+/// number. Sizes and distances from the middle do not depend on how a model is turned or its nodes are numbered.
 fn ranked<const D: usize>(all: &[(f64, [f64; D])]) -> Vec<usize> {
     let middle = all.iter().fold([0.0; D], |sum, (_, x)| {
         std::array::from_fn(|c| sum[c] + x[c] / all.len() as f64)
@@ -606,8 +606,9 @@ fn centre<const D: usize>(
     }
 }
 
-/// Gives each place the number of the pool for its displayed pressure: a place with little area compared with the mesh
-/// there, `whole` without the uncovered part, is pooled with those nearest to it until they have enough area together.
+/// Gives each place the number of the pool for its displayed pressure. A place may have little area compared with the
+/// mesh there, `whole` without the uncovered part. It is then pooled with those nearest to it until they have enough
+/// area together.
 ///
 /// With less than a quarter of the size along each direction of the boundary, pressures depend as much on where the
 /// facets of the master boundary happen to end.

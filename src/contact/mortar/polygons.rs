@@ -1,5 +1,5 @@
-//! The intersections of two boundaries in space: polygons on the plane of each facet of the first one, onto which the
-//! facets of the other are projected along its normal and clipped (Puso and Laursen 2004; Popp, Gitterle, Gee and Wall
+//! The intersections of two boundaries in space: polygons on the plane of each facet of the first one. The facets of
+//! the other are projected onto it along its normal and clipped (Puso and Laursen 2004; Popp, Gitterle, Gee and Wall
 //! 2010).
 //!
 //! Where several facets cover the same part of it, that part is cut out of all but the nearest. Polygons are convex as
@@ -191,8 +191,9 @@ impl Seen {
 /// Coordinates that differ by less than this part of the size of a facet are rounding.
 const AFFINE: f64 = 1e-12;
 
-/// The point of the reference element of a facet that covers a point of a plane, by Newton's method, which takes one step
-/// if the map is affine, with the shape functions there. They are NaN where a curved facet covers no such point.
+/// The point of the reference element of a facet that covers a point of a plane, with the shape functions there. It is
+/// found by Newton's method, which takes one step if the map is affine. They are NaN where a curved facet covers no
+/// such point.
 struct Inverse<'a> {
     seen: &'a Seen,
     p: Flat,
@@ -487,8 +488,8 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
     parts
 }
 
-/// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`, of which the part
-/// `missed` of its size may be missed; None as the sites of a wholly covered one, whose vertices are its nodes.
+/// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`. The part
+/// `missed` of its size may be missed. The sites of a wholly covered one are None: its vertices are its nodes.
 fn places(outline: &[Flat], ring: &[usize], missed: f64, hull: Hull) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;

@@ -112,8 +112,8 @@ fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
     (s, dot(minus(place, x), n))
 }
 
-/// The connected parts that others cover of an edge: three Gauss points on each segment; eight where an edge is of second
-/// order, because then one parameter is not a polynomial in the other.
+/// The connected parts that others cover of an edge, with three Gauss points on each segment. There are eight where an
+/// edge is of second order, because then one parameter is not a polynomial in the other.
 pub(super) fn covers(
     slave: &SlaveFacet<2>,
     near: &[MasterFacet<2>],

@@ -80,8 +80,8 @@ fn turned([x, y, z]: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|c| 0.3 + x * axes[0][c] + y * axes[1][c] + z * axes[2][c])
 }
 
-/// Between flat faces: a uniform pressure on one side is a uniform pressure on the other (as a patch test requires),
-/// the partner point of a node is straight above it by the gap, and so no pair has a moment.
+/// Between flat faces: a uniform pressure on one side is a uniform pressure on the other, as a patch test requires. The
+/// partner point of a node is straight above it by the gap, and so no pair has a moment.
 #[test]
 fn flat_faces_hand_on_a_uniform_pressure() {
     let straight: Map = &|x| x;
@@ -148,7 +148,7 @@ fn flat_faces_hand_on_a_uniform_pressure() {
 }
 
 /// A face that covers a part of the other, whatever the part, from either side: the areas add up to it, and forces act
-/// on it or on its border, never beyond, at the mean of their partners; a uniform pressure is transferred exactly.
+/// on it or on its border, never beyond, at the mean of their partners. A uniform pressure is transferred exactly.
 #[test]
 fn partly_covered_facets_count_in_part() {
     // Corners of the upper face, with overlaps from a half down to a needle on one facet.

@@ -30,8 +30,8 @@ fn largest<const D: usize>(a: &[[f64; D]]) -> f64 {
         .fold(0.0, |max: f64, v| max.max(v.abs()))
 }
 
-/// Displaced by a quarter of an element and more: forces are the slopes of the energy, the tangent those of the forces; at rest
-/// the tangent is the stiffness matrix; a turn of everything turns forces and stresses.
+/// Displaced by a quarter of an element and more: forces are the slopes of the energy, the tangent those of the forces.
+/// At rest the tangent is the stiffness matrix. A turn of everything turns forces and stresses.
 fn check<const D: usize>(body: &Body<D>, what: &str)
 where
     ElementKind: Topology<D>,

@@ -249,7 +249,7 @@ fn only_rigid_motions_in_space_take_no_force() {
     }
 }
 
-/// ∮ n ds = 0 and ∮ x·n ds = 3 V, ∮ ½ x² n_x ds = ∫ x dV, ∮ ⅓ z³ n_z ds = ∫ z² dV: normals look outward, and faces,
+/// ∮ n ds = 0 and ∮ x·n ds = 3 V, ∮ ½ x² n_x ds = ∫ x dV, ∮ ⅓ z³ n_z ds = ∫ z² dV. So normals look outward, and faces,
 /// elements and measures agree on warped faces. The last is the work of the nodal shares of a linear load on linear
 /// displacements.
 #[test]

@@ -129,8 +129,9 @@ pub(super) fn has_modes(name: &str) -> bool {
         .is_some_and(|(_, kind, variant)| variant.starts_with('I') && kind.may_have_modes())
 }
 
-/// The type that an element is read as, if that differs from its name; a `deck` keeps elements with incompatible modes. (The other
-/// purposes of variants have other remedies here: elements for nearly incompressible bodies, and those of second order.)
+/// The type that an element is read as, if that differs from its name. A `deck` keeps elements with incompatible modes.
+/// (Other purposes of variants have other remedies here: elements for nearly incompressible bodies, and those of second
+/// order.)
 pub(super) fn note(name: &str, deck: bool) -> Option<String> {
     let (plain, kind, variant) = variant(name)?;
     let name = name.to_uppercase();
@@ -153,8 +154,8 @@ pub(super) fn note(name: &str, deck: bool) -> Option<String> {
     })
 }
 
-/// The order of the nodes of a kind in the file, if it differs from the order here: the middle of a hexahedron precedes those
-/// of its faces, in the order of [`face`], and the middle of a line is between its ends.
+/// The order of the nodes of a kind in the file, if it differs from the order here. The middle of a hexahedron precedes
+/// those of its faces, in the order of [`face`], and the middle of a line is between its ends.
 pub(super) fn order(cell: Cell) -> Option<&'static [usize]> {
     const HEXAHEDRON: [usize; 27] = [
         0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 26, 24, 23, 25, 21,

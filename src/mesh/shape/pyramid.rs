@@ -1,7 +1,7 @@
 //! The pyramid with five nodes, between hexahedra and tetrahedra: a square that shrinks to its apex.
 //!
-//! With u = r / (1 − t) and v = s / (1 − t) its shape functions are ¼ (1 ± u)(1 ± v)(1 − t) and t: bilinear on the base, linear
-//! on the sides, and rational inside (Bedrosian 1992).
+//! With u = r / (1 − t) and v = s / (1 − t) its shape functions are ¼ (1 ± u)(1 ± v)(1 − t) and t. They are bilinear on
+//! the base, linear on the sides, and rational inside (Bedrosian 1992).
 
 use super::rules::{GAUSS, LINE, grid};
 use super::{ShapeFunctions, linear};

@@ -22,7 +22,7 @@ fn scattered(i: usize) -> f64 {
 }
 
 /// The shape functions of a kind by the definition: 1 at their node, 0 at the others, a sum of 1, and derivatives that
-/// differences confirm; stresses extrapolated from where they are taken to there.
+/// differences confirm. Stresses are extrapolated from where they are taken to there.
 struct Definition(ElementKind);
 
 impl<const D: usize> Visit<D> for Definition {

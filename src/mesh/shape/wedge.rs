@@ -126,8 +126,8 @@ impl ShapeFunctions<3, 15, 18> for Wedge15 {
     const CENTRE: [f64; 3] = CENTRE;
     const DILATATION_MODES: usize = 4;
 
-    /// The midsides of the triangles are linear along the axis, the upright ones linear in the triangle; the function of a
-    /// corner is the linear one minus half of those of the midsides beside it.
+    /// The midsides of the triangles are linear along the axis, the upright ones linear in the triangle. The function
+    /// of a corner is the linear one minus half of those of the midsides beside it.
     #[inline]
     fn shapes([r, s, t]: [f64; 3]) -> ([f64; 15], [[f64; 3]; 15]) {
         let triangle = barycentric([r, s]);

@@ -1,9 +1,9 @@
 //! The contact places of bodies that have moved: distances, normals and slip, and what they carry over from before.
 //!
-//! A place on an obstacle stays the same. Where two bodies meet, places are made again from both boundaries as they are, and those
-//! that are nearest to each other on the body at rest carry forces and slip from one configuration to the next. Slip is where the
-//! nodes of a place are now against those that they were opposite to at the end of the last load step: bodies that turn together
-//! do not slip.
+//! A place on an obstacle stays the same. Where two bodies meet, places are made again from both boundaries as they
+//! are. Those that are nearest to each other on the body at rest carry forces and slip from one configuration to the
+//! next. Slip is measured between the nodes of a place and those that were opposite to them at the end of the last load
+//! step. So bodies that turn together do not slip.
 
 use super::super::contacts::PairData;
 use super::super::driven::Driven;
@@ -389,8 +389,8 @@ where
         Ok(())
     }
 
-    /// Whether a boundary has come into the other body unseen: where it is folded or has turned away, its facets do not meet the
-    /// other side, and its nodes have no places. Nodes that are there at rest do not count.
+    /// Whether a boundary has come into the other body unseen. Where it is folded or has turned away, its facets do not
+    /// meet the other side, and its nodes have no places. Nodes that are there at rest do not count.
     pub(crate) fn is_pierced(
         &self,
         now: &Deformation<D>,

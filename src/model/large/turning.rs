@@ -143,8 +143,9 @@ mod tests {
     use crate::mesh::structured::{CellShape, SolidShape, block, rectangle};
     use crate::mesh::vector::{cross, length};
 
-    /// What a rigid motion of a side under a uniform pressure of 1 changes in the forces along it, against the forces that turn
-    /// with it: the largest error at nodes far enough inside of the side, where normals are averaged from both sides, over the largest force.
+    /// The change of the forces along a side by a rigid motion under a uniform pressure of 1, against the forces that
+    /// turn with it. It is the largest error over the largest force, at nodes far enough inside of the side, where
+    /// normals are averaged from both sides.
     fn error_of<const D: usize>(
         mesh: &Mesh<D>,
         is_inside: impl Fn(u32) -> bool,

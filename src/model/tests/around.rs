@@ -134,7 +134,7 @@ fn sector(cells: [usize; 3], radii: [f64; 2], from: f64, angle: f64, long: f64) 
 }
 
 /// Lamé's thick ring in plane strain as a sector of 40° between inclined planes of symmetry, under a pressure inside
-/// and with its outer side moved outwards; the same by `radial` alone in the plane.
+/// and with its outer side moved outwards. The same by `radial` alone in the plane.
 #[test]
 fn a_sector_of_a_ring_is_a_ring() {
     let (inner, outer, pressure, out) = (1.0_f64, 2.0_f64, 1e6, 0.02);

@@ -9,7 +9,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 /// A motion counts as one without stiffness if no unknown is pulled back by more than this part of the largest force
-/// that its row of K allows: rounding of K, below any real support or spring.
+/// that its row of K allows. It is rounding of K, below any real support or spring.
 pub(super) const STIFFLESS: f64 = 1e-11;
 /// Columns of a basis are dependent below this part of the largest.
 const DEPENDENT: f64 = 1e-10;

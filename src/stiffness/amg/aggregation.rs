@@ -118,7 +118,7 @@ const POSITIVE_PART: f64 = 0.5;
 /// The strength of ties between nodes.
 ///
 /// A block is measured as Sᵢⱼ = Dᵢ^−½ Aᵢⱼ Dⱼ^−½ with D the scalar diagonal, so that neither the materials nor the unit
-/// of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is not a tie: such blocks
+/// of a component matter; the tie is ‖Sᵢⱼ‖_F. A mass-like block with a large positive trace is not a tie. Such blocks
 /// couple nodes that do *not* hold each other, such as the far nodes of a flat bilinear element, and aggregates across
 /// them would represent no smooth error.
 pub(super) fn ties<const B: usize>(a: &BlockCsr<B>, halo: &Halo) -> Graph {
@@ -157,14 +157,15 @@ pub(super) struct Strength {
     pub pulling: Graph,
 }
 
-/// A soft node follows a stiff neighbour, although that tie means little to the stiff one. On a checkerboard of moduli 1
-/// and 1e-4 in the plane PCG takes 31 iterations, 43 if only ties with 0.4 of the strongest pull count; below 0.1 the
-/// number does not matter.
+/// A soft node follows a stiff neighbour, although that tie means little to the stiff one. On a checkerboard of moduli
+/// 1 and 1e-4 in the plane PCG takes 31 iterations; it takes 43 if only ties with 0.4 of the strongest pull count.
+/// Below 0.1 the number does not matter.
 const PULL: f32 = 0.05;
 
-/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node. Weights and points include those of copies. Where the points of the nodes are
-/// known, strong and pulling ties are shorter than `reach` times the geometric mean of the shortest strong one of either
-/// node: in elements that are stretched in two directions, the ties along the diagonals are not weak, but long.
+/// Sorts the [`ties`] with `theta`; `weight` has the root of the stiffness of each node. Weights and points include
+/// those of copies. Where the points of the nodes are known, strong and pulling ties are shorter than `reach` times the
+/// geometric mean of the shortest strong one of either node. In elements that are stretched in two directions, the ties
+/// along the diagonals are not weak, but long.
 pub(super) fn strength<const D: usize>(
     ties: &Graph,
     weight: &[f32],
@@ -226,7 +227,7 @@ pub(super) const ROW: usize = 2;
 const THIN: usize = 6;
 
 /// The strong graph with second neighbours, from a thin node to another one, tied by half of the weaker of the two ties
-/// between: of the nodes of a row this makes aggregates of five.
+/// between. Of the nodes of a row this makes aggregates of five.
 fn with_second_neighbours(ties: &Graph, graph: &Graph) -> Graph {
     let thin = |i: usize| graph.of(i).len() <= (ties.of(i).len() / THIN).max(ROW);
     Graph::collect(graph.len(), |i, row| {
@@ -252,8 +253,8 @@ fn with_second_neighbours(ties: &Graph, graph: &Graph) -> Graph {
 /// Aggregates of fewer nodes join another one: they have not all rigid-body motions, and no stiffness.
 const LEAST_NODES: u32 = 3;
 
-/// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996): a node whose strong neighbours are all free founds
-/// an aggregate with them; a node left over joins the aggregate it is tied to most strongly; the remaining nodes are
+/// Groups the nodes in three passes (Vaněk, Mandel, Brezina 1996). A node whose strong neighbours are all free founds
+/// an aggregate with them. A node left over joins the aggregate it is tied to most strongly. The remaining nodes are
 /// grouped with their free neighbours. Nodes of `alone` get no aggregate. The order of nodes in the first pass is their
 /// number or, `busiest_first`, the number of their strong neighbours.
 ///

@@ -259,7 +259,7 @@ impl<B: Backend> Multigrid<B> {
     /// z = M r. Has no effect if the CG run of `state` is done.
     ///
     /// With a smoother of degree ν a level takes 2ν + 3 passes (ν before, ν after, residual, restriction,
-    /// prolongation), so that the usual cycle of three levels of degree 2 and a dense coarse solve has 22.
+    /// prolongation). So the usual cycle of three levels of degree 2 and a dense coarse solve has 22.
     ///
     /// # Errors
     /// Those of the backend, where values of other ranks are needed.

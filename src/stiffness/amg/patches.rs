@@ -18,9 +18,9 @@ const PART_OF_TIES: f32 = 1.0 / 3.0;
 /// A level has patches if at least this part of its nodes is in one: they take extra passes.
 const PART_OF_NODES: f64 = 0.1;
 
-/// Disjoint patches of at most [`MOST_NODES`] nodes that hold each other much more than others, grown one after the
-/// other along the strongest tie of their nodes to a free one; None where there are few. All other nodes are patches
-/// of their own.
+/// Disjoint patches of at most [`MOST_NODES`] nodes that hold each other much more than others. They grow one after the
+/// other along the strongest tie of their nodes to a free one. None where there are few. All other nodes are patches of
+/// their own.
 pub(super) fn patches(ties: &Graph, strong: &Graph, ranks: &Ranks) -> Option<Groups> {
     let n = strong.len();
     let strongest = strong.strongest();

@@ -92,8 +92,9 @@ impl<const R: usize, const C: usize> Rows<R, C> {
 /// R A P, with R = Pᵀ.
 ///
 /// [Runs](runs) of coarse rows are finished one after the other, with the rows of A P that they need in a buffer that
-/// stays small: A P as a whole would be larger than A. A coarse row is summed in the order of the rows of A P, whatever
-/// run it belongs to. The rows of A, and with them the sums, are those of this rank; [`collected`] adds those of others.
+/// stays small. A P as a whole would be larger than A. A coarse row is summed in the order of the rows of A P, whatever
+/// run it belongs to. The rows of A, and with them the sums, are those of this rank; [`collected`] adds those of
+/// others.
 pub(super) fn galerkin<const B: usize, const M: usize>(
     r: &BlockCsr<M, B>,
     a: &BlockCsr<B>,
@@ -153,7 +154,7 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
 }
 
 /// Groups of neighbouring coarse rows that share most of the rows of A P that they need, each with [`ROWS_PER_RUN`] of
-/// those or hardly more: a run grows from a coarse row by its neighbours, breadth first.
+/// those or hardly more. A run grows from a coarse row by its neighbours, breadth first.
 fn runs<const B: usize, const M: usize>(r: &BlockCsr<M, B>, p: &BlockCsr<B, M>) -> Vec<Vec<u32>> {
     let n = r.n_block_rows();
     let mut runs: Vec<Vec<u32>> = Vec::new();

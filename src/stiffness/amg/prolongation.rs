@@ -61,8 +61,8 @@ fn decoupled<const B: usize>(a: &BlockCsr<B>) -> Vec<[bool; B]> {
         .collect()
 }
 
-/// Removes held directions from the modes: the components that [`decoupled`] finds, which are returned, and at the nodes of a
-/// finest level directions other than the axes that are tied to no other node.
+/// Removes held directions from the modes. These are the components that [`decoupled`] finds, which are returned, and
+/// at the nodes of a finest level directions other than the axes that are tied to no other node.
 pub(super) fn take_out_held<const B: usize, const M: usize>(
     a: &BlockCsr<B>,
     modes: &mut [Modes<B, M>],
@@ -90,7 +90,7 @@ pub(super) fn take_out_held<const B: usize, const M: usize>(
     decoupled
 }
 
-/// Orthonormal directions at node i along which its row ties it to no other node; none if all directions are such, or
+/// Orthonormal directions at node i along which its row ties it to no other node. None if all directions are such, or
 /// if they are along the axes and nowhere else.
 fn held_directions<const B: usize>(a: &BlockCsr<B>, i: usize) -> Vec<[f64; B]> {
     let (cols, blocks) = a.row(i);
@@ -175,8 +175,8 @@ fn extend<const R: usize, const C: usize>(blocks: &mut Vec<[[f64; C]; R]>, halo:
     halo.update(R * C, blocks.as_flattened_mut().as_flattened_mut());
 }
 
-/// Factors the modes of each aggregate as Q R by Gram–Schmidt, each column twice; R has a positive
-/// diagonal, with zero rows (and zero columns of Q) where the modes are dependent on the aggregate.
+/// Factors the modes of each aggregate as Q R by Gram–Schmidt, each column twice. R has a positive diagonal, with zero
+/// rows (and zero columns of Q) where the modes are dependent on the aggregate.
 pub(super) fn tentative<const B: usize, const M: usize>(
     modes: &[Modes<B, M>],
     aggregates: &Groups,
@@ -304,9 +304,9 @@ impl Pattern {
 /// P = (I − ω₂ D⁻¹A) (I − ω₁ D⁻¹A) Q for the ω given, each step held to the aggregates of a node and of its neighbours
 /// in a graph.
 ///
-/// The part that a step would put elsewhere in the row of a node of aggregate I moves rigidly with I: an aggregate J
+/// The part that a step would put elsewhere in the row of a node of aggregate I moves rigidly with I. An aggregate J
 /// there has the rigid motions R_J (its coarse unknowns), and T_I (the factor of I) makes rigid motions of the coarse
-/// unknowns of I, so that a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that way, where
+/// unknowns of I. So a block V of column J becomes V R_J T_I in column I. Rigid motions stay exact that way, where
 /// leaving the block out would cost them (Σ_J V_J R_J is the effect of the row on them). With all neighbours strong a
 /// first step is that of ordinary smoothed aggregation.
 ///

@@ -13,9 +13,9 @@ use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Real, store};
 use std::sync::Arc;
 
-/// Safety factor on the estimate of λ_max(D⁻¹A), which comes from below and was found up to 10 % short.
-/// The smoother of degree 2 reduces the error up to about 1.1 times the end of its interval, so that the
-/// cycle stays positive definite where this factor is not enough.
+/// Safety factor on the estimate of λ_max(D⁻¹A), which comes from below and was found up to 10 % short. The smoother of
+/// degree 2 reduces the error up to about 1.1 times the end of its interval. So the cycle stays positive definite where
+/// this factor is not enough.
 const RADIUS_MARGIN: f64 = 1.1;
 /// A level whose number of unknowns is smaller by less than this factor is not worth having.
 const LEAST_REDUCTION: f64 = 1.5;

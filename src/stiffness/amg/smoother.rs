@@ -164,8 +164,8 @@ pub(super) fn noise(i: usize) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// The coefficients (c₁, c₂) of the steps d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d of the Chebyshev
-/// iteration on the interval [`low`, `high`] (Saad, Iterative Methods, Algorithm 12.1).
+/// The coefficients (c₁, c₂) of the steps d ← c₁ d + c₂ D⁻¹(b − A x), x ← x + d. The Chebyshev iteration is on the
+/// interval [`low`, `high`] (Saad, Iterative Methods, Algorithm 12.1).
 pub(super) fn chebyshev(degree: usize, low: f64, high: f64) -> Vec<[f64; 2]> {
     let (centre, half) = (0.5 * (high + low), 0.5 * (high - low));
     let sigma = centre / half;

@@ -818,8 +818,9 @@ fn times() {
     }
 }
 
-/// With the values of its own K a hierarchy is the same to the last bit; with those of another one, on the aggregates of the first,
-/// it takes as many iterations as one made for it, up to one, or three where the ties of nodes have changed completely.
+/// With the values of its own K a hierarchy is the same to the last bit. With those of another one, on the aggregates
+/// of the first, it takes as many iterations as one made for it, up to one, or three where the ties of nodes have
+/// changed completely.
 #[test]
 fn a_rebuilt_hierarchy_is_as_good() {
     fn check<const D: usize>(

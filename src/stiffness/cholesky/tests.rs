@@ -45,8 +45,8 @@ fn threads_make_the_same_factor() {
     assert!(bits(&one) == bits(&more));
 }
 
-/// K with every stored value times a factor of its position, symmetric and definite as before: a block that couples nodes i and
-/// j, both away from held ones, gets Q(i) K Q(j) with diagonal Q.
+/// K with every stored value times a factor of its position, symmetric and definite as before. A block that couples
+/// nodes i and j, both away from held ones, gets Q(i) K Q(j) with diagonal Q.
 fn stretched<const D: usize>(k: &BlockCsr<D>) -> BlockCsr<D> {
     let q = |i: usize| 1.0 + 0.3 * ((i * 7) % 5) as f64;
     BlockCsr::from_triplets(

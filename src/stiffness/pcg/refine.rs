@@ -18,9 +18,9 @@ const MAX_CORRECTIONS: usize = 60;
 pub(super) const ROUNDING: f64 = 0.1;
 
 impl<B: Backend> Pcg<B> {
-    /// Lowers the error of x in K x = b by CG in low precision inside f64; `terms` is the norm of the terms whose difference
-    /// is b, the scale of residuals. If it stalls, x has its result so far. (One function: a loop of corrections, each as
-    /// accurate as the earlier ones show to be necessary.)
+    /// Lowers the error of x in K x = b by CG in low precision inside f64. `terms` is the norm of the terms whose
+    /// difference is b, the scale of residuals. If it stalls, x has its result so far. (One function: a loop of
+    /// corrections, each as accurate as the earlier ones show to be necessary.)
     pub(crate) fn refine(
         &mut self,
         b: &[f64],

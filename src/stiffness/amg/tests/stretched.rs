@@ -9,8 +9,8 @@ use crate::stiffness::amg::{patches, product};
 /// A block of space: K, f and the points of its blocks.
 type Solid = (BlockCsr<3>, Vec<f64>, Vec<[f64; 3]>);
 
-/// A block of equal cells, each coordinate then moved by `map`, clamped on a side and loaded on its top (or below, if the
-/// top is clamped); `materials` are in layers across z.
+/// A block of equal cells, each coordinate then moved by `map`, clamped on a side and loaded on its top (or below, if
+/// the top is clamped). `materials` are in layers across z.
 fn solid(
     size: [f64; 3],
     cells: [usize; 3],
