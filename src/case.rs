@@ -81,7 +81,7 @@ pub enum CaseError {
     },
 }
 
-/// A case file, read and checked as far as possible without its mesh or matrices.
+/// A case file, read and checked without its mesh or matrices.
 #[derive(Debug)]
 pub struct Case {
     /// Its path.
@@ -132,7 +132,7 @@ impl Case {
         Self::made(&deck.path.clone(), text, settings, Some(deck))
     }
 
-    /// From a text, of which nothing has been read yet.
+    /// From a text that has not been read yet.
     fn of_text(path: &Path, text: String) -> Self {
         Self {
             path: path.to_owned(),
@@ -370,7 +370,7 @@ impl Case {
         }
     }
 
-    /// Checks the model as far as possible without its mesh, whose dimension may be known.
+    /// Checks everything in the model that needs no mesh, whose dimension may be known.
     fn check_model(&self, dimension: Option<usize>) -> Result<(), CaseError> {
         match dimension {
             Some(2) => self.definition::<2>().map(drop),
@@ -387,7 +387,7 @@ impl Case {
         }
     }
 
-    /// The definition of the model on a mesh of D dimensions, checked as far as possible without the mesh.
+    /// The definition of the model on a mesh of D dimensions, checked where no mesh is needed.
     fn definition<const D: usize>(&self) -> Result<Definition<D>, CaseError> {
         let given = self.definition.as_ref().and_then(AnyDefinition::of);
         let definition: Definition<D> = given.cloned().map_or_else(|| self.said(), Ok)?;

@@ -156,7 +156,7 @@ pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, De
             refusals: refusals.collect(),
         }
     };
-    // Faults that appear only with the mesh are reported as well, as far as they do not follow from earlier refusals.
+    // Faults that appear only with the mesh are reported as well, unless they follow from earlier refusals.
     let mut index = match deck.index() {
         Err(_) if !said.refusals.is_empty() => return Err(refused(&said.refusals)),
         index => index?,

@@ -314,7 +314,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether K is positive definite, as far as the factor or conjugate gradients with a load at random tell.
+    /// Whether K is positive definite, judged by the factor or by conjugate gradients with a random load.
     pub(crate) fn is_definite(&mut self) -> Result<bool, EngineError> {
         Ok(match &mut self.path {
             // There would be no factor.

@@ -410,8 +410,8 @@ fn numbered<P: Part>(all: &[P]) -> impl Iterator<Item = (usize, &dyn Part)> {
 }
 
 impl<const D: usize> Definition<D> {
-    /// All parts of which there may be several, kind by kind, each with its number among those of its kind. A new kind is added
-    /// here, and nowhere else in this room.
+    /// All parts of the kinds that may have several, kind by kind, each with its number among those of its kind. A new
+    /// kind is added here, and nowhere else in this room.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (usize, &dyn Part)> {
         let lasting =
             numbered(&self.supports).filter(|(number, _)| !self.supports[*number].changes());
@@ -487,7 +487,7 @@ impl<const D: usize> Definition<D> {
         self.units.clone().unwrap_or_default()
     }
 
-    /// Checks the model as far as possible without the mesh.
+    /// Checks everything in the model that needs no mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));

@@ -467,7 +467,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         &self.case.slip_origin
     }
 
-    /// g, as far as it is given: [`ContactProblem::bounds`] has all of it. Infinite at tied nodes.
+    /// g, where it is given: [`ContactProblem::bounds`] has all of it. Infinite at tied nodes.
     pub fn slip_bound(&self) -> &[f64] {
         &self.case.slip_bound
     }

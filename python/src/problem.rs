@@ -587,7 +587,7 @@ impl Job<'_> {
                     cycle,
                     factor,
                 } => {
-                    // Among those of all cycles, some of which may be left out.
+                    // Among those of all cycles; some cycles may be left out.
                     let n_steps = analysis.n_steps();
                     number = (cycle - 1) * n_steps + (n - 1) % n_steps + 1;
                     voice.tell(News::Begins(number, n_steps * analysis.n_cycles(), factor));
@@ -666,7 +666,7 @@ pub fn build(py: Python<'_>, mesh: PyRef<Mesh>, text: String) -> PyResult<Proble
     .map_err(PyErr::from)
 }
 
-/// Checks the tables of a text as far as possible without a mesh.
+/// Checks everything in the tables of a text that needs no mesh.
 #[pyfunction]
 pub fn check_tables(py: Python<'_>, text: String, dim: usize) -> PyResult<()> {
     guarded(py, || {

@@ -149,7 +149,7 @@ impl Case {
         }
     }
 
-    /// Checks `[mesh]` and its tables as far as possible without the files; returns its dimension, if known.
+    /// Checks `[mesh]` and its tables, without the files; returns its dimension, if known.
     pub(super) fn check_mesh(&self) -> Result<Option<usize>, CaseError> {
         let Some(mesh) = &self.tables.mesh else {
             return Ok(None);

@@ -281,7 +281,7 @@ pub(super) fn span(text: &str, path: &str) -> Range<usize> {
     }
 }
 
-/// The path of the entry at a position of a text, as far as there is one.
+/// The path of the entry at a position of a text, or of the innermost table around it.
 pub(super) fn path(text: &str, at: usize) -> String {
     /// The path that ends the farthest inside.
     fn inside(item: &DeValue, at: usize, path: &str) -> Option<String> {

@@ -719,7 +719,7 @@ impl<'a> Said<'a> {
         Ok(())
     }
 
-    /// Linear springs: the direction, where they have one, stands in a line above the stiffness.
+    /// Linear springs: the direction, where they have one, is in a line above the stiffness.
     fn spring(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         if k.option("NONLINEAR").is_some() {

@@ -48,11 +48,11 @@ struct Setting {
     adds: bool,
 }
 
-/// What an entry sets something to.
+/// The new setting of an entry.
 #[derive(Clone, Copy, PartialEq)]
 enum To {
     Value(f64),
-    /// It stays what it is at the beginning of the step.
+    /// It keeps its value from the beginning of the step.
     Fixed,
     /// It is removed.
     Nothing,
@@ -157,7 +157,8 @@ impl Track {
     }
 }
 
-/// The common value of which the values over the load steps are multiples, and the multiples: none where all are equal.
+/// The common value whose multiples are the values over the load steps, and the multiples: no multiples where all are
+/// equal.
 pub(super) fn factors(values: &[f64]) -> (f64, Option<Vec<f64>>) {
     // The last of equally large values.
     let largest = values
@@ -195,7 +196,7 @@ impl<K: Clone + Eq + Hash> Tracks<K> {
         self.add(key, origin, by, To::Value(value), true);
     }
 
-    /// Keeps what it is from a step on; in the first one it is nothing yet.
+    /// Keeps its value from a step on; in the first one it is nothing yet.
     pub fn fix(&mut self, key: K, origin: &str, by: Stated) {
         let to = match by.step {
             0 => To::Value(0.0),

@@ -91,7 +91,7 @@ pub(super) enum What<'a> {
         components: Vec<usize>,
         value: f64,
     },
-    /// From a step on, displacements stay what they are at its beginning.
+    /// From a step on, displacements keep their values from its beginning.
     Fixed {
         target: &'a str,
         components: Vec<usize>,
@@ -192,7 +192,7 @@ pub(super) struct PairCard<'a> {
     pub adjust: Option<Adjust<'a>>,
 }
 
-/// `*CHANGE FRICTION`: what the coefficient of an interaction is from a step on.
+/// `*CHANGE FRICTION`: the coefficient of an interaction from a step on.
 pub(super) struct FrictionChange {
     pub step: usize,
     /// Its number.
@@ -200,7 +200,7 @@ pub(super) struct FrictionChange {
     pub friction: f64,
 }
 
-/// `*CHANGE SURFACE BEHAVIOR`: what the behavior of an interaction is from a step on.
+/// `*CHANGE SURFACE BEHAVIOR`: the behavior of an interaction from a step on.
 pub(super) struct BehaviorChange {
     pub step: usize,
     /// Its number.

@@ -221,9 +221,8 @@ pub(crate) fn add_block<const D: usize>(
     }
 }
 
-/// Adds the block K_ab of an element to that of two nodes, at least one of which has its own directions. It is without
-/// the prescribed components of either, P_a K_ab P_b, except for the decoupled equations of a node itself, n (n·K_aa n)
-/// nᵀ.
+/// Adds the block K_ab of an element to that of two nodes, one or both with directions of their own. It is without the
+/// prescribed components of either, P_a K_ab P_b, except for the decoupled equations of a node itself, n (n·K_aa n) nᵀ.
 fn add_projected<const D: usize>(
     unknowns: &Unknowns<D>,
     [a, b]: [u32; 2],

@@ -1,4 +1,4 @@
-//! Elastic foundations under boundaries: what K gets beside the elements.
+//! Elastic foundations under boundaries: their part of K, beside the elements.
 //!
 //! A foundation resists with a force per area in proportion to the displacement, ∫ v·(k_ν ν νᵀ + k_τ (I − ν νᵀ)) u ds. Both nodes of
 //! each of its blocks are of one facet, and so of one element. The bars of nodes without a mesh are here, too.
@@ -39,8 +39,8 @@ impl<const D: usize> Bedding<D> {
         (entries.zip(block.as_flattened())).for_each(|(sum, more)| *sum += more);
     }
 
-    /// Adds what a foundation with this stiffness per area, along the normal and across it, does at an integration point of a facet,
-    /// whose weight has its depth in it.
+    /// Adds the part of a foundation with this stiffness per area, along the normal and across it, at an integration
+    /// point of a facet, whose weight has its depth in it.
     pub fn add_point(
         &mut self,
         support: usize,
@@ -77,7 +77,8 @@ impl<const D: usize> Bedding<D> {
         }
     }
 
-    /// The same on the nodes that others follow: `follows` has what each node is the mean of, or nothing where it is itself.
+    /// The same on the nodes that others follow: `follows` has the nodes whose mean each node is, or nothing where it
+    /// is itself.
     pub fn on_vertices(&self, follows: &[Vec<u32>]) -> Self {
         let mut made = Self::default();
         for (&(a, b, support), block) in &self.blocks {

@@ -78,7 +78,7 @@ struct Law {
     thickness: f64,
 }
 
-/// A point of a displaced element, with what the law says there.
+/// A point of a displaced element, with the stresses of the law there.
 struct Strained<const D: usize, const N: usize> {
     /// Of the volume at rest, stretched by warmth, times the thickness.
     weight: f64,
@@ -391,7 +391,7 @@ impl<const D: usize, const N: usize> Strained<D, N> {
     }
 }
 
-/// A displaced element with N nodes, and what its projected dilatation is.
+/// A displaced element with N nodes, and its projected dilatation.
 pub(super) struct Finite<'a, const D: usize, const N: usize> {
     law: Law,
     x: [[f64; D]; N],

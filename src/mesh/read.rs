@@ -23,7 +23,7 @@ fn extension(path: &Path) -> String {
 /// regions and boundaries.
 ///
 /// # Errors
-/// If the file cannot be read: with the line at fault, as far as it has lines.
+/// If the file cannot be read: with the line at fault, if it has lines.
 pub fn read(path: &Path, scale: f64, groups: Option<&str>) -> Result<AnyMesh, FileError> {
     build(raw(path, groups)?, scale).map_err(|failure| failure.of(path))
 }

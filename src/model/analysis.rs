@@ -69,8 +69,8 @@ impl<const D: usize> Analysis<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// The name of one of [`System::floating_bodies`](crate::problem::System::floating_bodies): its region and a point of it, as
-    /// far as known.
+    /// The name of one of [`System::floating_bodies`](crate::problem::System::floating_bodies): its region and a point
+    /// of it, if known.
     pub fn body_name(&self, body: usize) -> String {
         let floating = &self.problem.floating_bodies().bodies()[body];
         let Some(Elastic { mesh, unknowns, .. }) = self.elastic else {
@@ -114,7 +114,7 @@ where
     }
 }
 
-/// What may hold a body that no support does.
+/// The parts that may hold a body without a support.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Holder {
     Contact,
@@ -125,7 +125,7 @@ pub(super) enum Holder {
 impl Holder {
     pub(super) const ALL: [Self; 3] = [Self::Contact, Self::Tie, Self::Spring];
 
-    /// What contact place i is, with the diagonal of C.
+    /// The kind of contact place i, with the diagonal of C.
     pub(super) fn of(tied: bool, compliance: &[f64], i: usize) -> Self {
         match (tied, compliance.get(i)) {
             (false, _) => Self::Contact,

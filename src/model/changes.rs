@@ -1,6 +1,6 @@
 //! Contacts, ties and friction that change from load step to load step.
 //!
-//! The rows of B stay what they are, and with them A: a row that does not act has an infinite gap and no friction.
+//! The rows of B do not change, nor does A: a row that does not act has an infinite gap and no friction.
 
 use super::entities::Support;
 use super::loads::end_of;
@@ -11,7 +11,7 @@ use crate::contact::{ContactRows, Space};
 use crate::mesh::{ElementKind, Mesh};
 use serde::{Deserialize, Serialize};
 
-/// What the rows of contact are under in a load step, where a model changes that from step to step.
+/// The law of the rows of contact in a load step, where a model changes it from step to step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
     /// Given slip bounds of the step, m; infinite where a place is tied.
@@ -36,8 +36,8 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// What rows of contact, each with the number of its pair, are under in a load step counted from 0; None where it is the same in
-    /// all of them.
+    /// The law of rows of contact, each with the number of its pair, in a load step counted from 0; None where it is
+    /// the same in all of them.
     pub(super) fn changes(
         &self,
         mesh: &Mesh<D>,
@@ -87,7 +87,7 @@ where
         }
         made.idle = idle;
         if !late.is_empty() {
-            // What supports have moved the sides by since the step before.
+            // The relative motion of the sides by supports since the step before.
             let at = |step| {
                 let unknowns = self.unknowns(mesh, prescriptions, end_of(step))?;
                 Ok(contact.held_motion(&unknowns).0)

@@ -27,7 +27,7 @@ pub struct PairData<const D: usize = 2>
 where
     ElementKind: Topology<D>,
 {
-    /// Its kind: a contact, a tie, or what else has rows of this form.
+    /// Its kind: a contact, a tie, or another one with rows of this form.
     pub kind: EntityKind,
     /// Its number among its kind.
     pub number: usize,
@@ -118,7 +118,7 @@ where
         }
     }
 
-    /// What ranks other than the first know of it.
+    /// The part of it that ranks other than the first know.
     #[cfg(feature = "mpi")]
     pub(super) fn known(&(kind, number): &(EntityKind, usize)) -> Self {
         let nothing = String::new;
@@ -381,7 +381,8 @@ where
                         found.places
                     }),
                 };
-                // Sides of a tie may lie within each other and look the same way: each node is near the other side all the same.
+                // Sides of a tie may be within each other and look the same way: each node is near the other side all
+                // the same.
                 let found = match found {
                     Err(apart @ ContactError::Apart { .. })
                         if self.is_tie() && !self.is_by_nodes() =>
@@ -763,7 +764,7 @@ where
         }
     }
 
-    /// What has rows of contact, by its number among all that do.
+    /// A part of the model with rows of contact, by its number among all such parts.
     fn pair_entity(&self, number: usize) -> Entity {
         let (number, part) = (self.connections().nth(number)).expect("rows belong to a part");
         part.entity(number)
@@ -790,7 +791,7 @@ where
             let states = (self.supports.iter())
                 .map(|support| u64::from(support.acts(step)) + 2 * u64::from(support.locks(step)));
             let acting = (self.pairs.iter()).map(|pair| u64::from(pair.acts(step)));
-            // What is locked depends on the step before.
+            // The locked displacements depend on the step before.
             let locks = self.supports.iter().any(|support| support.locks(step));
             let key = factors
                 .chain(states)

@@ -192,7 +192,7 @@ where
             })
             .collect();
         let wanted = (0..rigid::count(D)).find(|&k| {
-            // Holding still what nothing moves is no error.
+            // Holding something still that nothing moves is no error.
             let is_stated = self.motion(k).unwrap_or(0.0) != 0.0 || self.load(k) != 0.0;
             is_stated && drives.iter().all(|drive| drive.component != k)
         });

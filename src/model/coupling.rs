@@ -145,7 +145,7 @@ impl<const D: usize> Coupling<D> {
         self
     }
 
-    /// Rotates the point about an axis, in rad: 0, 1 and 2 are x, y and z, of which the plane has the last.
+    /// Rotates the point about an axis, in rad: 0, 1 and 2 are x, y and z; the plane has the last.
     pub fn turned(mut self, axis: usize, by: f64) -> Self {
         let first = 3 - (rigid::count(D) - D);
         assert!((first..3).contains(&axis), "there is no such rotation");
@@ -240,7 +240,7 @@ impl<const D: usize> Coupling<D> {
         self.target().is_none()
     }
 
-    /// What moves with the point, in words.
+    /// The names of the parts that move with the point, in words.
     pub(super) fn sides(&self) -> String {
         let target = self.target().map(Target::name);
         let obstacles = (self.contacts.as_ref()).map(|names| format!("obstacles of {names}"));

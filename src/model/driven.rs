@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub struct Drive {
     /// Of a coupled point: along the axes, then about them; 0 of everything else.
     pub component: usize,
-    /// The motion is what the row measures over this, and the force what its multiplier is times this.
+    /// The motion is the measure of the row over this, and the force its multiplier times this.
     pub size: f64,
     /// The motion that is stated under the load factor 1; None: it is free, or follows from a force. (A preload states its own.)
     pub motion: Option<f64>,

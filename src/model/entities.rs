@@ -553,8 +553,8 @@ impl<const D: usize> Part for Support<D> {
 
 pub(super) const NO_BOUNDARY: &str = "a list of boundaries is empty: name at least one";
 
-/// An elastic foundation under boundaries on the outside: a force per area against the displacement, in proportion to it. What is not
-/// stated of it is free.
+/// An elastic foundation under boundaries on the outside: a force per area against the displacement, in proportion to
+/// it. Motions that are not stated are free.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foundation<const D: usize = 2> {

@@ -37,8 +37,8 @@ where
     /// Its places: one for each direction in which it holds a node.
     pub(super) fn find(&self, body: &Body<D>) -> Result<Found<D>, Fault> {
         let zero = Quantity::from(0.0);
-        // Nodes, which may be in several facets: a basis of the directions in which each is held, and these directions with what is
-        // prescribed along them.
+        // Nodes, which may be in several facets: a basis of the directions in which each is held, and these directions
+        // with their prescribed displacements.
         type Ways<const D: usize> = (Vec<[f64; D]>, Vec<([f64; D], f64)>);
         let mut held: BTreeMap<u32, Ways<D>> = BTreeMap::new();
         for (node, ways) in self.nodes(body.mesh, &zero)? {

@@ -32,7 +32,7 @@ pub(crate) use meeting::Touch;
 use std::array::from_fn;
 use std::collections::HashMap;
 
-/// What is not known yet where displacements are large.
+/// Features that do not exist yet where displacements are large.
 const SMALL: [EntityKind; 5] = [
     EntityKind::Foundation,
     EntityKind::Spring,
@@ -58,7 +58,7 @@ pub(crate) struct Moment<const D: usize> {
     grown: f64,
     /// The state of rows that are driven, by the numbers of their candidates.
     driven: HashMap<usize, Driven>,
-    /// What the coefficient of each contact is multiplied by; None where it does not act.
+    /// The factor of the coefficient of each contact; None where it does not act.
     friction: Vec<Option<f64>>,
 }
 
@@ -98,7 +98,7 @@ pub(crate) struct LooseBody {
 }
 
 impl LooseBody {
-    /// By what its stiffness says at rest.
+    /// By its stiffness at rest.
     pub(super) fn new<const D: usize>(elastic: &Elastic<D>, body: &FloatingBody<D>) -> Self
     where
         ElementKind: Space<D>,
@@ -533,7 +533,7 @@ where
         let points = (places_now, deformed.vertices(&to.unknowns));
         let problem = problem_of(stiffness, net, force, points, &to.unknowns, &contact)?;
         let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
-        // The work of the forces over their sum: what a load of as many would move by.
+        // The work of the forces over their sum: the motion of a load of as many.
         let deformation = if all > 0.0 {
             4.0 * resistance.energy / all
         } else {
@@ -650,8 +650,8 @@ where
         }
     }
 
-    /// The bodies where they are, for results, with u as long as K has rows, and what acts there: gaps and slip follow from u
-    /// as where displacements are small. With the slip of each row in this load step.
+    /// The bodies where they are, for results, with u as long as K has rows, and the forces there: gaps and slip follow
+    /// from u as where displacements are small. With the slip of each row in this load step.
     pub(crate) fn results_at(
         &self,
         now: &Deformation<D>,

@@ -26,7 +26,7 @@ pub struct StepData<const D: usize = 2> {
     pub load: Load,
     /// The temperature of the bodies.
     pub temperature: TemperatureField<D>,
-    /// What contacts, ties, friction and supports are in this step; None where they are the same in all.
+    /// The state of contacts, ties, friction and supports in this step; None where it is the same in all.
     pub changes: Option<Changes>,
     /// The rows whose motion, or the force in place of it, the step states: of preloads, couplings, equations, and supports that
     /// change.
@@ -114,7 +114,7 @@ where
         gap
     }
 
-    /// What rows of contact are under in a load step, counted from 0.
+    /// The law of rows of contact in a load step, counted from 0.
     pub(super) fn changes(
         &self,
         step: usize,

@@ -44,7 +44,7 @@ pub struct Pair<const D: usize = 2> {
     pub(super) motion: Option<Motion<D>>,
     /// 1 in load steps in which it acts, 0 in the others.
     active: Option<Vec<f64>>,
-    /// What the bound or the coefficient of its law is multiplied by in each load step.
+    /// The factor of the bound or the coefficient of its law in each load step.
     friction_factors: Option<Vec<f64>>,
     pub(super) wear: Option<Wear>,
 }
@@ -316,14 +316,14 @@ impl<const D: usize> Pair<D> {
         self
     }
 
-    /// In which load steps it acts: 1, or 0 where it has no effect, one for each. A contact that begins to act closes what is left of its
-    /// gap; a tie that begins to act holds the sides together as they are then.
+    /// In which load steps it acts: 1, or 0 where it has no effect, one for each. A contact that begins to act closes
+    /// the rest of its gap; a tie that begins to act holds the sides together as they are then.
     pub fn active(mut self, steps: impl Into<Vec<f64>>) -> Self {
         self.active = Some(steps.into());
         self
     }
 
-    /// What the bound or the coefficient of its law of friction is multiplied by, one for each load step: 0 is no friction.
+    /// The factors of the bound or the coefficient of its law of friction, one for each load step: 0 is no friction.
     pub fn friction_factors(mut self, factors: impl Into<Vec<f64>>) -> Self {
         self.friction_factors = Some(factors.into());
         self
@@ -347,7 +347,7 @@ impl<const D: usize> Pair<D> {
         self.active.is_some() || self.friction_factors.is_some()
     }
 
-    /// What its law of friction is multiplied by in a load step.
+    /// The factor of its law of friction in a load step.
     pub(super) fn friction_factor(&self, step: usize) -> f64 {
         let factors = self.friction_factors.as_ref();
         factors
@@ -385,7 +385,7 @@ impl<const D: usize> Pair<D> {
         text
     }
 
-    /// What is wrong with what it states for each load step.
+    /// The fault in its statements for each load step.
     fn fault_of_steps(&self) -> Option<Flaw> {
         let any = |list: &Option<Vec<f64>>, bad: fn(f64) -> bool| {
             list.as_ref().is_some_and(|all| all.iter().any(|&v| bad(v)))

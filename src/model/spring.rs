@@ -1,7 +1,8 @@
 //! Springs of a model: rows that are tied, but give way.
 //!
-//! The force of a spring is a free multiplier λ of the row of what its ends come nearer to each other by, N u = λ/k. So K does not
-//! change, a body that springs alone hold is one whose forces are in balance like any other, and a set of nodes costs one row.
+//! The force of a spring is a free multiplier λ of the row for the approach of its ends, N u = λ/k. So K does not
+//! change, a body that springs alone hold is one whose forces are in balance like any other, and a set of nodes costs
+//! one row.
 
 use super::entities::{Facts, Names, Part, Target, in_a_place, with_a_name};
 use super::error::{EntityKind, Fault};
@@ -64,7 +65,7 @@ in_a_place!(Spring);
 in_a_place!(End);
 
 impl<const D: usize> Spring<D> {
-    /// At the node nearest to a point, with this force over what it is longer or shorter by, in N/m.
+    /// At the node nearest to a point, with this force over its change of length, in N/m.
     pub fn at_point(point: [f64; D], stiffness: f64) -> Self {
         Self {
             point: Some(point),
@@ -210,7 +211,7 @@ where
         Ok(area_shares(body, &outer_facets(body.mesh, names.all())?).0)
     }
 
-    /// Its place, and what is known of it: ν points from the first end to the other one.
+    /// Its place and its known data: ν points from the first end to the other one.
     pub(super) fn find(
         &self,
         body: &Body<D>,

@@ -66,7 +66,7 @@ pub(super) struct Prescriptions<const D: usize> {
     all: Vec<Prescription<D>>,
     /// Orthonormal directions of the nodes that are not held along axes alone.
     frames: BTreeMap<u32, [[f64; D]; D]>,
-    /// What foundations do beside: their numbers follow those of the supports.
+    /// The part of foundations: their numbers follow those of the supports.
     bedding: Arc<Bedding<D>>,
 }
 
@@ -448,7 +448,7 @@ impl<const D: usize> Definition<D>
 where
     ElementKind: Space<D>,
 {
-    /// All that supports prescribe, in their order, and what foundations do.
+    /// All displacements that supports prescribe, in their order, and the forces of foundations.
     pub(super) fn prescriptions(&self, body: &Body<D>) -> Result<Prescriptions<D>, ModelError> {
         let mesh = body.mesh;
         let mut bedding = Bedding::default();
@@ -487,7 +487,7 @@ where
         Ok(all)
     }
 
-    /// What supports are called in results; after them foundations.
+    /// The names of supports in results; after them those of foundations.
     pub(super) fn held_by(&self) -> Vec<String> {
         let supports = self.supports.iter().map(Support::name);
         supports

@@ -74,7 +74,7 @@ pub(super) struct Made<const D: usize> {
 }
 
 impl<const D: usize> OwnMatrices<D> {
-    /// Its fault, as far as one rank can see.
+    /// Its fault, if one rank can see one.
     fn fault(&self, n: usize) -> Option<String> {
         let (own, m) = (self.load.len(), self.gap.len());
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());

@@ -287,7 +287,7 @@ where
 }
 
 /// The contact place that each node shows: its own, or on a partly covered facet the one with the largest share in the
-/// node. Of several the one with the largest pressure. For all contacts and what else joins bodies, or for one of them.
+/// node. Of several the one with the largest pressure. For all contacts and other joints of bodies, or for one of them.
 pub fn shown_at_nodes<const D: usize>(
     elastic: &Elastic<D>,
     contact: &ContactFields<D>,

@@ -83,9 +83,9 @@ pub fn prepare(directory: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> 
 /// The files that state how a run has ended, with their first bytes: no mesh and no matrix begins so.
 const REPORTS: [(&str, &[u8]); 2] = [("report.json", b"{"), ("report.html", b"<!")];
 
-/// Removes the files that state how the run before has ended, so that they cannot be mistaken for the end of a run that fails
-/// before it has results. The results stay until [`prepare`]: an error in the new case must not destroy them. `inputs` are
-/// the files that the run reads, as far as known.
+/// Removes the files that state how the run before has ended, so that they cannot be mistaken for the end of a run that
+/// fails before it has results. The results stay until [`prepare`]: an error in the new case must not destroy them.
+/// `inputs` are the files that the run reads, if known.
 ///
 /// # Errors
 /// As [`prepare`]; a missing directory is not an error.

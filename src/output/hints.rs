@@ -49,7 +49,8 @@ where
 /// strains; directions of loads and of normals are off by sin, 14 %.
 const TURNED: f64 = 0.01;
 
-/// A bolt that a force shortens by less than this part of what the force shortens a cube over its section by is held at its section.
+/// A bolt is held at its section if a force shortens it by less than this part of the shortening of a cube over its
+/// section.
 const HELD: f64 = 1e-6;
 
 /// The preloads by a force whose sections do not give way.

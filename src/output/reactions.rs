@@ -19,7 +19,7 @@ const PEAK: f64 = 0.7;
 /// The forces of a contact at the end of a step.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ContactReport {
-    /// What it is of: a contact, or what else joins bodies.
+    /// Its source: a contact, or another joint of bodies.
     #[serde(skip)]
     pub kind: EntityKind,
     /// Its own name, if any.
@@ -262,7 +262,7 @@ where
         let force = (driven.force - normal[driven.row]) * size;
         let place = &elastic.contact.places[first];
         let is_first = contact.motion.is_empty();
-        // All other places pass on what acts here; their rows are no contact by themselves.
+        // All other places pass on the forces here; their rows are no contact by themselves.
         contact.centre = place.place.to_vec();
         (contact.separated, contact.tied) = (0, data.places);
         (contact.normal_force, contact.tangential_force) = (0.0, 0.0);

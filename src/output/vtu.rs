@@ -117,7 +117,7 @@ fn grid<'a, const D: usize>(
     file.0
 }
 
-/// The index of the pieces of several ranks, of which this is one: its arrays, and the names of all pieces.
+/// The index of the pieces of several ranks, with this piece among them: its arrays, and the names of all pieces.
 #[cfg(feature = "mpi")]
 pub(crate) fn whole(piece: &str, names: &[String]) -> String {
     // The arrays of a piece, without the numbers.

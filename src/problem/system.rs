@@ -164,7 +164,7 @@ impl<const D: usize> System<D> {
         &self.areas
     }
 
-    /// The bodies that can move as a whole, as far as K and the coordinates show.
+    /// The bodies that can move as a whole, judged by K and the coordinates.
     pub fn floating_bodies(&self) -> &FloatingBodies<D> {
         &self.floating
     }
@@ -221,7 +221,7 @@ impl<const D: usize> System<D> {
         self.contact_compliance = compliance;
     }
 
-    /// Adds to the compliance of normal contact. What rows are scaled by stays.
+    /// Adds to the compliance of normal contact. The factors of rows stay.
     pub(super) fn add_compliance(&mut self, more: &[f64]) {
         let rows = D * self.normal.n_rows();
         self.contact_compliance.resize(rows, 0.0);

@@ -205,8 +205,9 @@ impl Halo {
         }
     }
 
-    /// Sends what is here of copies to the ranks of their rows, and calls `take(row, values)` for what has come for own rows, rank
-    /// by rank. A copy has a `range` of `values`; the [`Halo::lengths`] are of what comes.
+    /// Sends the values of copies here to the ranks of their rows, and calls `take(row, values)` for the values that
+    /// have come for own rows, rank by rank. A copy has a `range` of `values`; the [`Halo::lengths`] are of the values
+    /// that come.
     pub fn collect<T: Pod>(
         &self,
         range: impl Fn(usize) -> Range<usize>,
@@ -247,7 +248,7 @@ impl Halo {
         });
     }
 
-    /// For each rank, the lengths of what it has for own rows; `length` is that of what is here for a copy.
+    /// For each rank, the lengths of its values for own rows; `length` is that of the values here for a copy.
     pub fn lengths(&self, length: impl Fn(usize) -> usize) -> Vec<Vec<usize>> {
         let to: Vec<Vec<u64>> = (self.theirs.iter())
             .map(|rows| {

@@ -6,9 +6,9 @@
 //! soon as it exceeds the amount by which the bodies give way. Slip is that of the same step in the cycle before, or of
 //! the same step solved before, where it differs.
 //!
-//! Wear of one cycle is little. Each cycle that is computed therefore counts for as many as move a stated part of the wear to other places
-//! at most (a cycle jump). If they move more than twice that, the bodies go back to the cycle before, and fewer are left out. The rows of B
-//! and A stay what they are.
+//! Wear of one cycle is little. Each cycle that is computed therefore counts for as many as move a stated part of the
+//! wear to other places at most (a cycle jump). If they move more than twice that, the bodies go back to the cycle
+//! before, and fewer are left out. The rows of B and A do not change.
 
 use super::{Error, Event, Solved};
 use crate::constraint::row_of;
@@ -36,7 +36,7 @@ where
     pub wearing: Option<Wearing>,
 }
 
-/// A load step in which contacts, ties or friction are not what they are in the problem.
+/// A load step in which contacts, ties or friction differ from those in the problem.
 pub(crate) struct Changed<const D: usize> {
     pub problem: ContactProblem<D, Elsewhere>,
     pub load: Load,

@@ -110,7 +110,8 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         Ok(true)
     }
 
-    /// Counts what the rounding of forces does to the gaps as part of their rounding from here on; false if it did before.
+    /// Counts the effect of the rounding of forces on the gaps as part of their rounding from here on; false if it did
+    /// before.
     ///
     /// Loads and products with K are known to the rounding of their terms. Where K is badly conditioned, B K⁻¹ times
     /// that is more than the rounding of B u. No computation with these data finds smaller gaps, or the forces that
@@ -208,7 +209,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         } else {
             (self.products).displacement(&point.lambda, residual, &stop)?
         };
-        // Whatever K⁺ was: bodies stay in place as far as contact allows.
+        // Whatever K⁺ was, bodies stay in place if contact allows it.
         let floating = self.problem.floating_bodies();
         let back: Vec<f64> = floating
             .resultants(&u)
@@ -255,7 +256,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         })
     }
 
-    /// The status, with u and the optimality conditions: those of the final check or, without one, as far as they are
+    /// The status, with u and the optimality conditions: those of the final check or, without one, those that are
     /// known. After an interrupt no more accuracy than ε is computed.
     fn last_check(
         &mut self,

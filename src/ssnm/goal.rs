@@ -104,7 +104,7 @@ impl Goal {
         let bounds = problem.bounds(lambda);
         let rounding = rounding(problem, lambda, r, moved);
         let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
-        // The gap that each node would close by itself, as far as its law permits.
+        // The gap that each node would close by itself, within its law.
         let mut missing = vec![0.0; r.len()];
         for (i, disc) in nodes() {
             let [node, slope, c, none] = [lambda, r, compliance, &rounding].map(|x| at::<D>(x, i));

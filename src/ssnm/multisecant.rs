@@ -228,7 +228,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         (point, steps, true)
     }
 
-    /// Moves towards a proposal, as far as one product with A shows to be best.
+    /// Moves towards a proposal, by the part that one product with A shows to be best.
     fn go_towards(&mut self, way: &mut Way<D>, proposal: &Proposal) -> Result<(), DualError> {
         let before = way.point.clone();
         let mut end = proposal.point.clone();

@@ -55,7 +55,8 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub reach: Vec<f64>,
     /// How far the bodies of each row of B had moved when u was last computed, without rigid-body motions; 0 before.
     pub moved: Vec<f64>,
-    /// What rounding of forces would move each row of B if they were the size of their terms, not scaled; empty before it counts.
+    /// The motion of each row of B by the rounding of forces, if they were the size of their terms, not scaled; empty
+    /// before it counts.
     pub blur: Vec<f64>,
     /// λ before the load step, scaled; empty at rest.
     pub before: Vec<f64>,

@@ -16,7 +16,7 @@ pub enum Method {
     Multisecant,
     /// Algorithm ISSNM of the paper: inner problems (11) solved to a tolerance that follows the error.
     Inexact,
-    /// Algorithm SSNM of the paper: inner problems solved to rounding, as far as CG allows.
+    /// Algorithm SSNM of the paper: inner problems solved to rounding, or to the limit of CG.
     Exact,
 }
 

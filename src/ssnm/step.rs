@@ -146,7 +146,7 @@ impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
         sets
     }
 
-    /// A step that lowers q: projected gradient, then towards the minimum over the resulting face of Λ, as far as q falls
+    /// A step that lowers q: projected gradient, then towards the minimum over the resulting face of Λ, while q falls
     /// on the way to its projection.
     fn safeguarded_step(
         &mut self,

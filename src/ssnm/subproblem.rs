@@ -9,10 +9,10 @@
 //! with bI + C instead of bI for compliant contact: both tangents of a node have the same compliance, so that a disc stays a
 //! disc.
 //!
-//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. What remains is S s =
-//! Uᵀ(λ − λᵏ) and Gλ = e, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of
-//! Woodbury. The derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle.
-//! For one pair, Becker and Fadili have the same (A quasi-Newton proximal splitting method, NIPS 2012).
+//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. S s = Uᵀ(λ − λᵏ) and
+//! Gλ = e remain, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of Woodbury.
+//! The derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle. For one
+//! pair, Becker and Fadili have the same (A quasi-Newton proximal splitting method, NIPS 2012).
 //!
 //! Where Newton's method finds no descent, τ is raised: the larger it is, the shorter the step, until the problem is that of a
 //! projected gradient step.
@@ -245,8 +245,8 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
         solve(matrix, &right)
     }
 
-    /// Under given bounds the bodies are balanced to rounding, as far as possible. Along a step in which forces change their
-    /// balance q need not fall: Gᵀα does work on it.
+    /// Under given bounds the bodies are balanced to rounding, where possible. Along a step in which forces change
+    /// their balance q need not fall: Gᵀα does work on it.
     fn is_solved(&self, best: &Trial, target: f64, stays: bool) -> bool {
         let balanced = |part: f64| {
             let balance = self.balance;

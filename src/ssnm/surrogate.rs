@@ -160,14 +160,14 @@ impl Surrogate {
         error == 0.0 || self.len() > before
     }
 
-    /// Adds a pair without what follows from all of them.
+    /// Adds a pair, without the quantities that follow from all pairs.
     fn enter(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
         while let Some(worst) = self.extend(direction, image, error, flat) {
             self.remove(worst);
         }
     }
 
-    /// Finds what follows from all pairs.
+    /// Finds the quantities that follow from all pairs.
     fn settle(&mut self) {
         if !self.compliance.is_empty() {
             self.weigh();

@@ -79,7 +79,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
     all.into_iter().map(|(_, s)| s).collect()
 }
 
-/// The adapters of some interfaces, as far as the environment permits.
+/// The adapters of some interfaces that the environment permits.
 fn sorted_adapters(interfaces: wgpu::Backends) -> Vec<(wgpu::Adapter, AdapterSummary)> {
     let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     description.backends &= interfaces;

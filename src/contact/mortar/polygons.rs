@@ -602,7 +602,7 @@ fn each_point(polygon: &[Flat], rule: Rule, mut take: impl FnMut(Flat, f64)) {
                 take(at(corners), area * weight);
             }
         }
-        // On a square of which one side collapses to the first corner.
+        // On a square with one side collapsed to the first corner.
         for (along, weight) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
             for (across, other) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
                 let corners = [1.0 - along, along * (1.0 - across), along * across];

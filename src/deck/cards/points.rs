@@ -12,7 +12,7 @@ impl<'a> Said<'a> {
         k.option(name).ok_or_else(missing)
     }
 
-    /// What follows says how the nodes move.
+    /// The following data say how the nodes move.
     pub(super) fn coupling(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["CONSTRAINT NAME", "REF NODE", "SURFACE"]);

@@ -155,7 +155,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         }
     }
 
-    /// What holds at the end of each load step, where a keyword may change it from a step on.
+    /// The contacts at the end of each load step, where a keyword may change them from a step on.
     fn by_step<T: Copy>(&self, first: T, changes: &[(usize, T)]) -> Vec<T> {
         let at = |&(step, _): &(usize, f64)| {
             let last = changes.iter().rfind(|change| change.0 <= step);
@@ -204,7 +204,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         found
     }
 
-    /// The coefficient of an interaction where it is largest, and what it is multiplied by in each load step.
+    /// The largest coefficient of an interaction, and its factor in each load step.
     fn friction(&self, interaction: &Interaction) -> (Option<f64>, Option<Vec<f64>>) {
         let changes = self.said.friction_changes.iter();
         let changes: Vec<(usize, f64)> = changes

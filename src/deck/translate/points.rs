@@ -273,7 +273,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         // Zeros fit any history.
         let mut given = given;
         given.sort_by_key(|one| one.values.iter().all(|&v| v == 0.0));
-        // What has the same history is one part; nodes that move rigidly carry others as spread ones.
+        // Entries with the same history are one part; nodes that move rigidly carry others as spread ones.
         let mut parts: Vec<(Option<Vec<f64>>, Coupling<D>)> = Vec::new();
         let mut first = Some(coupling);
         for one in given {

@@ -115,7 +115,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 }
             }
         }
-        // With OP=NEW what was held may be free.
+        // With OP=NEW held nodes may become free.
         let cleared = |what: &What| matches!(what, What::Clear(Kind::Boundary));
         let mut later = self
             .said

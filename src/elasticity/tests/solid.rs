@@ -32,7 +32,7 @@ fn with_skin(nodes: Vec<[f64; 3]>, elements: Vec<mesh::Element<3>>) -> Mesh<3> {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A block of 2 × 3 × 2 cells, all of whose faces differ and none of which is flat.
+/// A block of 2 × 3 × 2 cells. All of their faces differ, and no face is flat.
 fn distorted(shape: SolidShape) -> Mesh<3> {
     let mut mesh = block([0.0; 3], [2.0, 1.5, 1.0], [2, 3, 2], shape, "body", "");
     for (i, x) in (1..).zip(&mut mesh.nodes) {

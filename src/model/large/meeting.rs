@@ -1,4 +1,5 @@
-//! The contact places of bodies that have moved: distances, normals and slip, and what they carry over from before.
+//! The contact places of bodies that have moved: distances, normals and slip, and the data that they carry over from
+//! before.
 //!
 //! A place on an obstacle stays the same. Where two bodies meet, places are made again from both boundaries as they
 //! are. Those that are nearest to each other on the body at rest carry forces and slip from one configuration to the

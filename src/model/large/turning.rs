@@ -47,7 +47,7 @@ where
     turned.collect()
 }
 
-/// Adds what forces on nodes of a side have in the tangent: the integral with its points at the nodes.
+/// Adds the part of forces on nodes of a side in the tangent: the integral with its points at the nodes.
 fn add_side<const D: usize>(
     facets: &[Turned<D>],
     forces: &HashMap<u32, [f64; D]>,
@@ -107,7 +107,7 @@ impl<const D: usize> Elastic<D>
 where
     ElementKind: Space<D>,
 {
-    /// Adds what pairs of bodies that slide have in the tangent.
+    /// Adds the part of pairs of bodies that slide in the tangent.
     pub(super) fn turns(&self, moved: &Mesh<D>, met: &Meeting<D>, blocks: &mut Vec<Block<D>>) {
         for (number, data) in (0..)
             .zip(&self.pairs)
@@ -176,7 +176,7 @@ mod tests {
         let origin = motion([0.0; D]);
         let (mut most, mut largest) = (0.0_f64, 0.0_f64);
         for (&node, &force) in forces.iter().filter(|(node, _)| is_inside(**node)) {
-            // The tangent has what the side resists with: the opposite.
+            // The tangent has the resistance of the side: the opposite.
             let turned = motion(force);
             let off: [f64; D] = from_fn(|c| change[&node][c] + turned[c] - origin[c]);
             let along = dot(off, unit(force));

@@ -105,7 +105,7 @@ fn sign(value: f64) -> f64 {
 /// The binding strength of a sign.
 const SIGN: u8 = 3;
 
-/// The operation of an operator, its binding strength, and the strength that it requires of what follows.
+/// The operation of an operator, its binding strength, and the strength that it requires of the expression behind it.
 fn operator(sign: char) -> Option<(Op, u8, u8)> {
     Some(match sign {
         '+' => (Op::Two(|a, b| a + b), 1, 2),

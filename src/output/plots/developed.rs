@@ -206,7 +206,7 @@ impl Facets<'_> {
         forces.sum()
     }
 
-    /// The direction of which the normals of some facets have least, upwards; None if one of them has much of it.
+    /// The direction along which the normals of some facets have least, upwards; None if one of them has much of it.
     fn axis(&self, part: &[usize]) -> Option<[f64; 3]> {
         let total: f64 = part.iter().map(|&f| self.normals[f].0).sum();
         let matrix = Mat::from_fn(3, 3, |i, j| {

@@ -24,8 +24,7 @@ pub(crate) struct Motions {
 }
 
 impl Motions {
-    /// The possible motions of a body with these nodes, some of which are held along directions: none if it cannot
-    /// move.
+    /// The possible motions of a body with these nodes, with some nodes held along directions: empty if it cannot move.
     pub fn left<const D: usize>(
         points: &[[f64; D]],
         held: &[([f64; D], [f64; D])],
