@@ -34,7 +34,7 @@ pub enum DualError {
     /// The factor has failed.
     #[error(transparent)]
     Factor(#[from] FactorError),
-    /// Whatever else applies K⁻¹ has failed.
+    /// Another operator that applies K⁻¹ has failed.
     #[error(transparent)]
     Other(Box<dyn std::error::Error + Send + Sync>),
 }

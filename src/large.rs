@@ -72,7 +72,7 @@ struct Reached<const D: usize>
 where
     ElementKind: Space<D>,
 {
-    /// As the next step begins from it.
+    /// The state from which the next step begins.
     settled: Deformation<D>,
     /// The last one, with nothing left to be moved.
     at: Configuration<D>,

@@ -135,7 +135,7 @@ impl State {
         self.done = self.is_over();
     }
 
-    /// Takes rᵀz; the part of the direction before that the next one has, None in the first iteration.
+    /// Takes rᵀz and returns the factor of the last direction in the next one; None in the first iteration.
     pub(crate) fn turned(&mut self, rz: f64) -> Option<f64> {
         let before = std::mem::replace(&mut self.rz, rz);
         (before != 0.0).then(|| rz / before)

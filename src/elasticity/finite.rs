@@ -1,6 +1,6 @@
 //! Large displacements: nodal forces, tangents and Cauchy stresses of displaced bodies, total Lagrangian.
 //!
-//! With F = ∂x/∂X at a point, divided by the stretch 1 + α θ of what is warmer by θ, the strain energies per volume are
+//! With F = ∂x/∂X at a point, divided by the stretch 1 + α θ of a point warmer by θ, the strain energies per volume are
 //!
 //! ```text
 //! St. Venant–Kirchhoff   μ E:E + ½ λ ϑ²             E = ½ (FᵀF − I),  ϑ = tr E
@@ -598,7 +598,7 @@ where
     moduli: &'a [Moduli],
 }
 
-/// What an element resists with.
+/// The resistance of an element.
 struct Resisting<const D: usize> {
     forces: Vec<[f64; D]>,
     energy: f64,
@@ -691,7 +691,7 @@ where
     }
 }
 
-/// What displaced bodies resist with.
+/// The resistance of displaced bodies.
 #[derive(Clone, Debug)]
 pub struct Resistance<const D: usize = 2> {
     /// The nodal forces that hold them where they are.

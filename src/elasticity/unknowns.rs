@@ -19,7 +19,7 @@ pub struct Unknowns<const D: usize = 2> {
     prescribed: Vec<[Option<f64>; D]>,
     /// Orthonormal directions of nodes whose components are not along the axes, one a row.
     frames: BTreeMap<u32, [[f64; D]; D]>,
-    /// What holds nodes elastically.
+    /// The elastic supports of nodes.
     bedding: Arc<Bedding<D>>,
     block_of_node: Vec<Option<u32>>,
     node_of_block: Vec<u32>,
@@ -57,12 +57,12 @@ impl<const D: usize> Unknowns<D> {
         self
     }
 
-    /// Says what holds nodes elastically.
+    /// States the elastic supports of nodes.
     pub(crate) fn bedded(self, bedding: Arc<Bedding<D>>) -> Self {
         Self { bedding, ..self }
     }
 
-    /// What holds nodes elastically: foundations.
+    /// The elastic supports of nodes: foundations.
     pub(crate) fn bedding(&self) -> &Bedding<D> {
         &self.bedding
     }

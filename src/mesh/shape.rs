@@ -170,12 +170,12 @@ pub(super) fn determinant<const D: usize, const N: usize>(
     cofactors(tangents(local, x)).1
 }
 
-/// Something to do with an element of whichever type.
+/// A task for an element of any type.
 pub trait Visit<const D: usize> {
     /// The result.
     type Output;
 
-    /// Does it, with an element of the type E.
+    /// Carries out the task, with an element of the type E.
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Self::Output;
 }
 

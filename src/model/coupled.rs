@@ -32,7 +32,7 @@ struct Motions<'m, const D: usize> {
 }
 
 impl<const D: usize> Motions<'_, D> {
-    /// Along each axis, what they are at a node.
+    /// Their values at a node, along each axis.
     fn at(&self, node: u32) -> [Vec<f64>; D] {
         let all = self
             .frame
@@ -134,7 +134,7 @@ pub(super) struct Coupled<const D: usize> {
     nodes: Vec<u32>,
     /// The motions that the nodes determine.
     drives: Vec<Drive>,
-    /// What each is, in displacements of nodes.
+    /// Each motion, in displacements of nodes.
     motions: Vec<Vec<Term<D>>>,
     /// As [`Determined::follow`].
     follow: Vec<(u32, usize, Vec<Term<D>>)>,

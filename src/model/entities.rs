@@ -72,7 +72,7 @@ impl fmt::Display for Names {
 /// The names of the components of a vector.
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Whatever is stated of a model: a table of a case file.
+/// A statement of a model: a table of a case file.
 pub(crate) trait Part {
     fn facts(&self) -> Facts<'_>;
 

@@ -191,8 +191,8 @@ impl<const D: usize> Pair<D> {
         }
     }
 
-    /// Reads the names of the first side as sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)), each node of which
-    /// meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] is better.
+    /// Reads the names of the first side as sets of nodes ([`Mesh::node_sets`](crate::mesh::Mesh::node_sets)). Each of
+    /// their nodes meets the point nearest to it. Where the nodes make up facets, [`Pair::new`] is better.
     pub fn by_nodes(mut self) -> Self {
         self.nodes = self.boundary.take().or(self.nodes);
         self

@@ -8,7 +8,7 @@ use crate::quasistatic::StepSolution;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// What a contact wears by.
+/// The law of wear of a contact.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(
     deny_unknown_fields,

@@ -123,7 +123,7 @@ where
         let places = &elastic.contact.places;
         let areas = elastic.contact.pooled_areas();
         let pooled = |forces: &[f64]| pooled(places, forces);
-        // What they are in this step.
+        // Their values in this step.
         let changes = data.changes.as_ref();
         let acts = |i: usize| changes.is_none_or(|changes| changes.acts(i));
         let tied: Vec<bool> = (elastic.contact.tied().into_iter().enumerate())
@@ -278,7 +278,7 @@ where
     }
 }
 
-/// What a row belongs to.
+/// The owner of a row.
 fn kind<const D: usize>(elastic: &Elastic<D>, row: usize) -> EntityKind
 where
     ElementKind: Topology<D>,

@@ -99,7 +99,7 @@ pub struct StepReport {
     /// With large displacements: contact problems at positions of the bodies on the way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<usize>,
-    /// Where displacements are large: into how many parts the step was divided, as Newton's method did not come to its end at once.
+    /// Where displacements are large: the number of parts of the step, which is divided where Newton's method does not converge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts: Option<usize>,
     /// Outer steps of all its solves.

@@ -6,7 +6,7 @@
 //! soon as it exceeds the amount by which the bodies give way. Slip is that of the same step in the cycle before, or of
 //! the same step solved before, where it differs.
 //!
-//! Wear of one cycle is little. Each cycle that is computed therefore counts for as many as move a stated part of the
+//! One cycle wears little. Each cycle that is computed therefore counts for as many as move a stated part of the
 //! wear to other places at most (a cycle jump). If they move more than twice that, the bodies go back to the cycle
 //! before, and fewer are left out. The rows of B and A do not change.
 

@@ -284,8 +284,8 @@ mod tests {
         lambda[0] = 0.0;
         assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         assert!(met(&lambda, [5000.0, 0.0, 0.0, 0.0]) && !met(&lambda, [-5000.0, 0.0, 0.0, 0.0]));
-        // Rounding of a displacement of 10⁹ is 7e-6: less than small forces close counts as zero, slightly more is not
-        // accurate enough.
+        // Rounding of a displacement of 10⁹ is 7e-6. Gaps that small forces close count as zero below this; slightly
+        // larger ones are not accurate enough.
         let near = four_on_two(1e-3);
         let mut case = near.load_case().clone();
         case.travelled = Some(vec![1e9; 6].into());

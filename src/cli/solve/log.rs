@@ -62,7 +62,7 @@ impl Log {
         }
     }
 
-    /// For one of several ranks, only one of which writes.
+    /// For one of several ranks: only one rank writes.
     #[cfg(feature = "mpi")]
     pub fn of_rank(arguments: &SolveArguments, speaks: bool) -> Self {
         let log = Self::new(arguments);

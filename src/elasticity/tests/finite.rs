@@ -1,4 +1,4 @@
-//! Large displacements: tangents against differences, forces against the energy, turns, and what is known at rest.
+//! Large displacements: tangents against differences, forces against the energy, turns, and known results at rest.
 
 use super::super::*;
 use crate::mesh::structured::{CellShape, SolidShape, block, rectangle};
@@ -191,7 +191,7 @@ fn laws_of_space() {
     }
 }
 
-/// A block that is stretched alike everywhere: the Cauchy stresses of the textbooks, and no stress of what expands freely.
+/// A block that is stretched alike everywhere: the Cauchy stresses of the textbooks, and no stress of free expansion.
 #[test]
 fn known_stresses() {
     let mesh = block(

@@ -301,7 +301,7 @@ impl Index<'_> {
         self.flat.cell(element as usize).1
     }
 
-    /// Where a node lies.
+    /// The position of a node.
     pub fn place(&self, node: u32) -> [f64; 3] {
         self.flat.raw.nodes[node as usize]
     }

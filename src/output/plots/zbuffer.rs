@@ -77,7 +77,7 @@ impl ZBuffer {
         });
     }
 
-    /// A triangle of something that bodies shine through.
+    /// A triangle of a transparent surface in front of bodies.
     pub fn veil(&mut self, at: [[f64; 3]; 3]) {
         self.each(at, |sample, _, depth| sample.veil = sample.veil.max(depth));
     }

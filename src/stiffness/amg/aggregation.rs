@@ -8,8 +8,8 @@ use std::cmp::Reverse;
 /// Marks a node without aggregate.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Disjoint groups of nodes: aggregates, each of which becomes one node of the coarser level, and the patches of the
-/// smoother.
+/// Disjoint groups of nodes: aggregates, which become one node each of the coarser level, and the patches of
+/// the smoother.
 #[derive(Clone, Debug)]
 pub(super) struct Groups {
     /// The group of each node, or [`NONE`]. Where there are other ranks, aggregates of copies of their nodes come after those of
