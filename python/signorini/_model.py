@@ -314,15 +314,15 @@ class Model:
     ) -> Model:
         """Make the nodes of boundaries, or of sets of `nodes`, move with a `point`: as a rigid body, except along the axes in `free`, or freely,
         on average (`kind` "distributing"). Displacements of the point in m, rotations in rad, a `force` in N and a `moment` in N m; omitted
-        motions are free. The rigid obstacles of `contacts`, by their names, move with the point; without `boundary` and `nodes` they are a
-        free rigid body, whose d + 1 nodes `u` has at its end."""
+        motions are free. The rigid obstacles of `contacts`, by their names, move with the point. Without `boundary`
+        and `nodes` they are a free rigid body, whose d + 1 nodes are at the end of `u`."""
         where = {"boundary": boundary, "nodes": nodes, "contacts": contacts, "point": point, "kind": kind, "free": free}
         motions = {"x": x, "y": y, "z": z, "rx": rx, "ry": ry, "rz": rz}
         return self.add("coupling", **where, **motions, force=force, moment=moment, factors=factors, **more)
 
     def cyclic(self, low: Names, high: Names, axis: Mapping[str, Any], sectors: int, **more: Any) -> Model:
-        """Repeat the sector from the boundary `low` to `high` about an axis (``axis={"point": [0, 0]}``, in space with a direction), so that as
-        many sectors make the whole body; the meshes of both sides need not match."""
+        """Repeat the sector from the boundary `low` to `high` about an axis (``axis={"point": [0, 0]}``, in space
+        with a direction). As many sectors make the whole body, and the meshes of both sides need not match."""
         return self.add("cyclic", low=low, high=high, axis=axis, sectors=sectors, **more)
 
     def equation(
@@ -333,9 +333,9 @@ class Model:
         factors: Sequence[float] | None = None,
         **more: Any,
     ) -> Model:
-        """Make a sum of displacements equal to a `value` in m (default: 0). A term has factors along the axes, of the node nearest to a point
-        (``{"point": [2, 0], "x": 1}``) or of sets of nodes (``{"nodes": "right", "x": 1}``), which make an equation for each of their nodes, in
-        the order of the mesh."""
+        """Make a sum of displacements equal to a `value` in m (default: 0). A term has factors along the axes, of the
+        node nearest to a point (``{"point": [2, 0], "x": 1}``) or of sets of nodes (``{"nodes": "right", "x": 1}``).
+        Sets make an equation for each of their nodes, in the order of the mesh."""
         return self.add("equation", terms=terms, value=value, factors=factors, **more)
 
     def steps(self, factors: Sequence[float], *, cycles: int | None = None, jump: float | None = None) -> Model:

@@ -469,8 +469,8 @@ class Solution:
         )
 
     def to_pyvista(self) -> Any:
-        """The bodies at the end of the last load step as a ``pyvista.UnstructuredGrid``, with the arrays of `to_meshio`; each
-        region is a cell array, each boundary and set of nodes a point array, of 0 and 1."""
+        """The bodies at the end of the last load step as a ``pyvista.UnstructuredGrid``, with the arrays of
+        `to_meshio`. Each region is a cell array, each boundary and set of nodes a point array, of 0 and 1."""
         import pyvista
 
         plain = self.to_meshio()

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected
-//! (`dilatation.rs`), ϑ is, in the same way. ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of
+//! (`dilatation.rs`), so is ϑ, in the same way: ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of
 //! linear elasticity. In plane stress the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law
 //! finds the stretch of the thickness.
 //!

@@ -284,7 +284,7 @@ mod tests {
         lambda[0] = 0.0;
         assert!(!met(&lambda, [f64::NAN, 0.0, 0.0, 0.0]));
         assert!(met(&lambda, [5000.0, 0.0, 0.0, 0.0]) && !met(&lambda, [-5000.0, 0.0, 0.0, 0.0]));
-        // Rounding of a displacement of 10⁹ is 7e-6. Gaps that small forces close count as zero below this; slightly
+        // Rounding of a displacement of 10⁹ is 7e-6. Forces that close smaller gaps count as zero; slightly
         // larger ones are not accurate enough.
         let near = four_on_two(1e-3);
         let mut case = near.load_case().clone();
