@@ -123,6 +123,9 @@ pub struct GpuOptions {
     pub checked: bool,
     /// Only a real GPU will do, no software adapter.
     pub hardware_only: bool,
+    /// The number of this process among those of its machine that take an adapter by these options: where there are
+    /// several as good as the best one, they take turns.
+    pub turn: usize,
 }
 
 /// The progress of a CG run.
@@ -232,6 +235,8 @@ pub trait Backend {
 
     /// Rounding error of its arithmetic with vectors: 2⁻⁵³ or 2⁻²⁴.
     fn unit_roundoff(&self) -> f64;
+    /// The Euclidean norm of a vector on the host that has an entry per unknown, here and on other ranks.
+    fn norm(&self, x: &[f64]) -> f64;
     /// The work so far.
     fn counters(&self) -> Counters;
 

@@ -21,7 +21,7 @@ use std::sync::Arc;
 ///
 /// Its methods are collective: all ranks of the group have to call them, each with the same number of values.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Ranks {
+pub struct Ranks {
     #[cfg(feature = "mpi")]
     group: Option<Arc<Group>>,
 }

@@ -141,6 +141,36 @@ impl State {
         (before != 0.0).then(|| rz / before)
     }
 
+    /// Whether the run is over.
+    pub(crate) fn is_done(&self) -> bool {
+        self.done
+    }
+
+    /// The real numbers and the words that the kernels of a GPU have of a state, in their order.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn members(&self) -> ([f64; 10], [u32; 5]) {
+        let reals = [
+            self.rz,
+            self.rr,
+            self.goal,
+            self.rr_start,
+            self.energy,
+            self.full_block,
+            self.open_block,
+            self.remaining_goal,
+            self.remaining_part,
+            self.to_come,
+        ];
+        let words = [
+            u32::from(self.done),
+            u32::from(self.broken),
+            self.iterations as u32,
+            self.in_full as u32,
+            self.in_open as u32,
+        ];
+        (reals, words)
+    }
+
     /// The progress of the run.
     pub(crate) fn progress(&self) -> Progress {
         Progress {
@@ -173,6 +203,10 @@ impl<S: Real> Backend for Cpu<S> {
 
     fn unit_roundoff(&self) -> f64 {
         f64::EPSILON / 2.0
+    }
+
+    fn norm(&self, x: &[f64]) -> f64 {
+        self.ranks.norm(x)
     }
 
     fn counters(&self) -> Counters {

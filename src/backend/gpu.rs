@@ -16,14 +16,16 @@ mod kernels;
 mod layout;
 mod products;
 mod queue;
+mod shared;
 
 pub use arrays::{
     DenseMatrix, LevelDiagonal, LevelMatrix, LevelVector, Matrix, Rows, State, Vector,
 };
 pub use context::{AdapterSummary, Context, GpuError, adapters};
 
-use super::{Backend, BackendError, Precision, Product, Progress, Run};
+use super::{Backend, BackendError, Precision, Product, Progress, Run, cpu};
 use crate::control::Counters;
+use crate::ranks::Ranks;
 use crate::sparse::Csr;
 use crate::sparse::stored::{BlockMatrix, Dense, SquareBlocks};
 use buffers::{Allocation, Handle, read_reals};
@@ -88,6 +90,10 @@ impl Params {
 /// A GPU with the work recorded for it.
 pub struct Gpu {
     context: Arc<Context>,
+    /// Those that have the other parts of the vectors.
+    ranks: Ranks,
+    /// An error between two methods that can report one.
+    failure: Option<BackendError>,
     commands: Vec<Command>,
     /// Bytes that the recorded commands move.
     recorded_bytes: u64,
@@ -121,6 +127,8 @@ impl Gpu {
             idle: allocate(0, "idle state", BufferUsages::STORAGE)?,
             idle_partials: allocate(1, "unused sums", BufferUsages::STORAGE)?,
             context: Arc::clone(context),
+            ranks: Ranks::default(),
+            failure: None,
             commands: Vec::new(),
             recorded_bytes: 0,
             recorded_start: false,
@@ -131,6 +139,15 @@ impl Gpu {
             staging: None,
             next_id: 2,
             counters: Counters::default(),
+        })
+    }
+
+    /// For vectors that are on several ranks.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn on(context: &Arc<Context>, ranks: &Ranks) -> Result<Self, BackendError> {
+        Ok(Self {
+            ranks: ranks.clone(),
+            ..Self::new(context)?
         })
     }
 
@@ -190,6 +207,10 @@ impl Backend for Gpu {
         }
     }
 
+    fn norm(&self, x: &[f64]) -> f64 {
+        self.ranks.norm(x)
+    }
+
     fn counters(&self) -> Counters {
         self.counters
     }
@@ -208,7 +229,7 @@ impl Backend for Gpu {
 
     fn state(&mut self, k: &Matrix, like: &Vector) -> Result<State, BackendError> {
         self.reserve_staging(like.len)?;
-        let n_curvature = k.0.parts.iter().map(|part| part.groups).sum();
+        let n_curvature = k.blocks.parts.iter().map(|part| part.groups).sum();
         let n_vector = self.vector_groups(like).iter().sum();
         let partials = u64::from(n_curvature + n_vector) * 2 * self.real_bytes();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -217,6 +238,7 @@ impl Backend for Gpu {
             next: self.allocate("CG state", STATE_BYTES, usage)?,
             goals: self.allocate("goals of CG", STATE_BYTES, usage)?,
             partials: self.allocate("partial sums", partials, usage)?,
+            shared: (!self.ranks.is_alone()).then(cpu::State::default),
             len: like.len,
             n_curvature,
             n_vector,
@@ -224,19 +246,7 @@ impl Backend for Gpu {
     }
 
     fn upload(&mut self, from: &[f64], to: &mut Vector) {
-        assert!(from.len() <= to.len);
-        // Writes take effect before all commands of the next submission.
-        self.submit(None);
-        for segment in &to.segments {
-            let last = segment.range.end.min(from.len());
-            let Some(from) = from.get(segment.range.start..last) else {
-                break;
-            };
-            let bytes = self.real_array(from);
-            self.context
-                .queue
-                .write_buffer(&segment.data.buffer.buffer, 0, &bytes);
-        }
+        self.write_reals(from, to);
     }
 
     fn download(&mut self, from: &Vector, to: &mut [f64]) -> Result<(), BackendError> {
@@ -292,29 +302,13 @@ impl Backend for Gpu {
     }
 
     fn multiply_rows(&mut self, m: &Rows, x: &Vector, y: &mut Vector) {
-        assert_eq!((x.len, y.len), (m.n_cols, m.n_rows));
-        for part in &m.parts {
-            let params = Params {
-                count: part.count,
-                flags: flag_if(part.adds, flag::ADD),
-                ..Params::default()
-            };
-            let buffers = [
-                &part.starts,
-                &part.targets,
-                &part.columns,
-                &part.values,
-                &x.segments[part.from].data,
-                &y.segments[part.to].data,
-            ];
-            let groups = self.groups(part.count, m.parts.len());
-            self.dispatch(Kernel::Rows, params, &buffers, groups, part.bytes);
-        }
+        self.rows_product(m, x, y);
     }
 
     fn subtract_product(&mut self, k: &Matrix, x: &Vector, y: &mut Vector) {
         let (state, partials) = (Arc::clone(&self.idle), Arc::clone(&self.idle_partials));
-        self.product(&k.0, x, x, y, flag::ADD | flag::NEGATE, [&state, &partials]);
+        let flags = flag::ADD | flag::NEGATE;
+        self.product_with_copies(k, x, y, flags, [&state, &partials]);
     }
 
     fn start(
@@ -342,6 +336,9 @@ impl Backend for Gpu {
             self.dispatch(Kernel::Start, params, &buffers, groups[s], bytes);
             first_partial += groups[s];
         }
+        if state.shared.is_some() {
+            return self.started(state, run);
+        }
         let params = Params {
             first_read: state.n_curvature,
             n_read: state.n_vector,
@@ -352,10 +349,14 @@ impl Backend for Gpu {
     }
 
     fn multiply(&mut self, k: &Matrix, p: &Vector, q: &mut Vector, state: &mut State) {
-        let groups: u32 = k.0.parts.iter().map(|part| part.groups).sum();
+        if self.is_over(state) {
+            return;
+        }
+        let groups: u32 = k.blocks.parts.iter().map(|part| part.groups).sum();
         assert_eq!(groups, state.n_curvature);
         let handles = [&state.current, &state.partials];
-        self.product(&k.0, p, p, q, flag::DOT, handles);
+        self.product_with_copies(k, p, q, flag::DOT, handles);
+        self.curves(state);
     }
 
     fn step(
@@ -369,14 +370,17 @@ impl Backend for Gpu {
     ) {
         let all = [p.len, q.len, x.len, r.len, rounded.0.len];
         assert_eq!(all, [state.len; 5]);
+        if !self.steps(state) {
+            return;
+        }
         let groups = self.vector_groups(r);
         let mut first_partial = state.n_curvature;
         for (s, segment) in r.segments.iter().enumerate() {
             let params = Params {
                 count: segment.pairs(),
                 first_partial,
-                n_read: state.n_curvature,
-                flags: flag_if(s == 0, flag::WRITES_STATE),
+                n_read: state.sums(state.n_curvature),
+                flags: flag_if(s == 0 && state.shared.is_none(), flag::WRITES_STATE),
                 ..Params::default()
             };
             let buffers = [
@@ -393,6 +397,9 @@ impl Backend for Gpu {
             self.dispatch(Kernel::Step, params, &buffers, groups[s], bytes);
             first_partial += groups[s];
         }
+        if state.shared.is_some() {
+            return self.stepped(state);
+        }
         let params = Params {
             first_read: state.n_curvature,
             n_read: state.n_vector,
@@ -404,6 +411,9 @@ impl Backend for Gpu {
 
     fn direction(&mut self, r: &Vector, z: &LevelVector, p: &mut Vector, state: &mut State) {
         assert_eq!([r.len, z.0.len, p.len], [state.len; 3]);
+        if self.is_over(state) {
+            return;
+        }
         let groups = self.vector_groups(r);
         let mut first_partial = state.n_curvature;
         for (s, r) in r.segments.iter().enumerate() {
@@ -418,11 +428,12 @@ impl Backend for Gpu {
             self.dispatch(Kernel::Dot, params, &buffers, groups[s], bytes);
             first_partial += groups[s];
         }
+        self.turned(state);
         for (s, p) in p.segments.iter().enumerate() {
             let params = Params {
                 count: p.pairs(),
                 first_read: state.n_curvature,
-                n_read: state.n_vector,
+                n_read: state.sums(state.n_vector),
                 flags: flag_if(s == 0, flag::WRITES_STATE),
                 ..Params::default()
             };
@@ -468,7 +479,11 @@ impl Backend for Gpu {
             progress = Some(read_progress(precision, bytes));
             read_reals(precision, &bytes[STATE_BYTES as usize..], out);
         })?;
-        Ok(progress.expect("a successful read has called its closure"))
+        let there = progress.expect("a successful read has called its closure");
+        match self.failure.take() {
+            Some(error) => Err(error),
+            None => Ok(state.shared.map_or(there, |shared| shared.progress())),
+        }
     }
 
     fn level_vector(&mut self, len: usize) -> Result<LevelVector, BackendError> {
@@ -504,8 +519,8 @@ impl Backend for Gpu {
         Ok(())
     }
 
-    fn is_over(&self, _: &State) -> bool {
-        false
+    fn is_over(&self, state: &State) -> bool {
+        state.shared.is_some_and(|shared| shared.is_done())
     }
 
     fn level_matrix(&mut self, m: BlockMatrix<f32>) -> Result<LevelMatrix, BackendError> {

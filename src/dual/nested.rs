@@ -447,9 +447,6 @@ impl<B: Backend> DualOperator for NestedDual<B> {
     }
 
     fn costs(&self) -> Option<Costs> {
-        Some(Costs {
-            solves: self.pcg.counts,
-            device: self.pcg.backend.counters(),
-        })
+        Some(self.pcg.costs())
     }
 }

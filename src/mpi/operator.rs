@@ -4,10 +4,14 @@
 //! the halo and of PETSc for K⁻¹, and one sum for B u.
 
 use super::petsc::{self, PetscError};
+use super::share::MpiError;
 use crate::backend::cpu::Cpu;
-use crate::backend::{Backend as _, Run};
-use crate::control::{Accuracy, Correction, Costs, Stop};
+#[cfg(feature = "gpu")]
+use crate::backend::gpu::{Context, Gpu};
+use crate::backend::{Backend, Precision, Run};
+use crate::control::{Accuracy, Correction, Costs, SolveCounts, Stop};
 use crate::dual::{DualError, DualOperator, followed_right_hand_side};
+use crate::engine::{Device, EngineError, EngineOptions, Stiffness};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase, Vertices};
 use crate::ranks::{Group, Halo, Ranks};
 use crate::sparse::stored::SquareBlocks;
@@ -84,6 +88,154 @@ pub(super) struct Limits {
     pub interrupt: Option<Arc<AtomicBool>>,
 }
 
+/// The device of a rank, and the preconditioner of all.
+pub(super) struct Means {
+    preconditioner: Preconditioner,
+    #[cfg(feature = "gpu")]
+    context: Option<Arc<Context>>,
+}
+
+impl Means {
+    /// Opens a device for each rank if GPUs are asked for: ranks of one machine take turns with its adapters.
+    pub fn new(group: &Group, options: &EngineOptions) -> Result<Self, MpiError> {
+        if options.stiffness == Stiffness::Cholesky {
+            return Err(MpiError::NoFactor);
+        }
+        #[cfg(not(feature = "gpu"))]
+        if options.place == Device::Gpu {
+            return Err(EngineError::NoGpuSupport.into());
+        }
+        Ok(Self {
+            preconditioner: options.preconditioner,
+            #[cfg(feature = "gpu")]
+            context: match options.place {
+                Device::Gpu => {
+                    let gpu = crate::backend::GpuOptions {
+                        turn: group.turn(),
+                        ..options.gpu.clone()
+                    };
+                    Some(Context::new(&gpu).map_err(EngineError::from)?)
+                }
+                Device::Auto | Device::Cpu => None,
+            },
+        })
+    }
+}
+
+/// Conjugate gradients on the device of this rank.
+enum Cg {
+    Cpu(Box<Pcg<Cpu>>),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<Pcg<Gpu>>),
+}
+
+impl Cg {
+    fn new(
+        means: &Means,
+        ranks: &Ranks,
+        k: &Arc<dyn SquareBlocks>,
+        hierarchy: Hierarchy<f32>,
+    ) -> Result<Self, PcgError> {
+        #[cfg(feature = "gpu")]
+        if let Some(context) = &means.context {
+            let backend = Gpu::on(context, ranks)?;
+            let pcg = Pcg::with_hierarchy(backend, Arc::clone(k), hierarchy)?;
+            return Ok(Self::Gpu(Box::new(pcg)));
+        }
+        let pcg = Pcg::with_hierarchy(Cpu::on(ranks), Arc::clone(k), hierarchy)?;
+        Ok(Self::Cpu(Box::new(pcg)))
+    }
+
+    fn solve(
+        &mut self,
+        k: &dyn SquareBlocks,
+        system: SystemOfRank,
+        stop: &Stop,
+    ) -> Result<Correction, PcgError> {
+        match self {
+            Self::Cpu(pcg) => system.solved(pcg, k, stop),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(pcg) => system.solved(pcg, k, stop),
+        }
+    }
+
+    fn counts(&mut self) -> &mut SolveCounts {
+        match self {
+            Self::Cpu(pcg) => &mut pcg.counts,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(pcg) => &mut pcg.counts,
+        }
+    }
+}
+
+/// K x = b, with an entry per unknown of this rank.
+struct SystemOfRank<'a> {
+    b: &'a [f64],
+    /// The start, and the result so far, even after a failure.
+    x: &'a mut [f64],
+    /// The norm of the terms whose difference is b: residuals are then absolute, and x is the start. Without it they are
+    /// relative to b, and the start is zero.
+    terms: Option<f64>,
+    accuracy: Accuracy,
+}
+
+impl SystemOfRank<'_> {
+    fn solved<B: Backend>(
+        self,
+        pcg: &mut Pcg<B>,
+        k: &dyn SquareBlocks,
+        stop: &Stop,
+    ) -> Result<Correction, PcgError> {
+        let Self {
+            b,
+            x,
+            terms,
+            accuracy,
+        } = self;
+        if terms.is_none() {
+            x.fill(0.0);
+        }
+        if !pcg.is_f64() {
+            let accuracy = match (accuracy, terms) {
+                (Accuracy::Residual(residual), Some(terms)) => Accuracy::Residual(residual / terms),
+                (accuracy, _) => accuracy,
+            };
+            let terms = terms.unwrap_or_else(|| pcg.backend.norm(b));
+            return pcg.refine(b, terms, x, accuracy, stop);
+        }
+        pcg.counts.solves += 1;
+        let to = pcg.run_to(accuracy, 1.0);
+        let run = match (accuracy, terms) {
+            (Accuracy::Residual(residual), Some(_)) => Run {
+                residual,
+                ..Run::default()
+            },
+            // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to shrink from
+            // step to step.
+            (_, Some(terms)) => Run {
+                residual: UNREACHABLE * terms,
+                ..to
+            },
+            (_, None) => to,
+        };
+        let run = Run {
+            continues: terms.is_some(),
+            ..run
+        };
+        if run.continues {
+            let mut r = b.to_vec();
+            k.subtract_product(x, &mut r);
+            pcg.backend.upload(&r, &mut pcg.r);
+            pcg.backend.upload(x, &mut pcg.x);
+        } else {
+            pcg.backend.upload(b, &mut pcg.r);
+        }
+        let outcome = pcg.run(run, stop, None);
+        pcg.backend.download(&pcg.x, x)?;
+        Ok(pcg.followed(&outcome?, 1.0))
+    }
+}
+
 /// The dual operator of a problem whose unknowns are on several ranks.
 pub(super) struct Distributed {
     group: Arc<Group>,
@@ -94,7 +246,7 @@ pub(super) struct Distributed {
     load_norm: f64,
     /// With ties.
     k: Arc<dyn SquareBlocks>,
-    pcg: Pcg<Cpu>,
+    cg: Cg,
     /// Why PETSc has failed since the last run began.
     failure: Arc<Mutex<Option<PetscError>>>,
     /// The preconditioner for a log, and the reason why it is not multigrid although that was requested.
@@ -165,6 +317,10 @@ impl<const D: usize> SquareBlocks for Spread<D> {
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64)) {
         self.rows.for_entries(take);
     }
+
+    fn halo(&self) -> Option<&Halo> {
+        Some(&self.halo)
+    }
 }
 
 /// The levels below ours, by PETSc.
@@ -199,7 +355,7 @@ impl Distributed {
         group: &Arc<Group>,
         problem: &ContactProblem<D, Elsewhere>,
         own: OwnRows<D>,
-        preconditioner: Preconditioner,
+        means: &Means,
     ) -> Result<Self, DualError> {
         petsc::set_options(&OPTIONS)?;
         if group.size() > 1 {
@@ -233,7 +389,7 @@ impl Distributed {
                 }
             }
         };
-        let made = match preconditioner {
+        let made = match means.preconditioner {
             Preconditioner::BlockJacobi => None,
             Preconditioner::Multigrid => Some(Hierarchy::on_ranks(
                 &rows,
@@ -284,7 +440,7 @@ impl Distributed {
             b: Arc::clone(problem.contact_matrix()),
             load: Arc::clone(problem.load_case().force()),
             load_norm: ranks.norm(problem.load_case().force()),
-            pcg: Pcg::with_hierarchy(Cpu::on(&ranks), Arc::clone(&k), hierarchy)?,
+            cg: Cg::new(means, &ranks, &k, hierarchy)?,
             k,
             failure,
             about,
@@ -303,6 +459,18 @@ impl Distributed {
         (&self.about, self.fallback.as_deref())
     }
 
+    /// The adapter of this rank, and the precision of its kernels, if it computes on one.
+    pub fn adapter(&self) -> Option<(String, Precision)> {
+        match &self.cg {
+            Cg::Cpu(_) => None,
+            #[cfg(feature = "gpu")]
+            Cg::Gpu(pcg) => {
+                let context = pcg.backend.context();
+                Some((context.adapter.to_string(), context.precision))
+            }
+        }
+    }
+
     /// Bᵀλ on the unknowns of this rank.
     fn forces(&self, lambda: &[f64]) -> Vec<f64> {
         let mut forces = vec![0.0; self.b.n_cols()];
@@ -316,19 +484,9 @@ impl Distributed {
         self.ranks.sum(y);
     }
 
-    /// CG for K x = b from `x`, where `r` is b − K x; both with an entry per unknown of this rank. The result so far is in x, even
-    /// after a failure. `stop` only tells whether the caller may be stopped at all.
-    fn run(
-        &mut self,
-        r: &[f64],
-        x: &mut [f64],
-        goals: Run,
-        stop: &Stop,
-    ) -> Result<Correction, DualError> {
-        let Self { pcg, limits, .. } = self;
-        pcg.counts.solves += 1;
-        pcg.backend.upload(r, &mut pcg.r);
-        pcg.backend.upload(x, &mut pcg.x);
+    /// Solves a system. `stop` only tells whether the caller may be stopped at all.
+    fn solve(&mut self, system: SystemOfRank, stop: &Stop) -> Result<Correction, DualError> {
+        let limits = &self.limits;
         let stop = match stop.deadline.is_some() || stop.interrupt.is_some() {
             true => Stop {
                 deadline: limits.deadline,
@@ -337,20 +495,14 @@ impl Distributed {
             },
             false => Stop::default(),
         };
-        let goals = Run {
-            continues: true,
-            ..goals
-        };
-        let outcome = pcg.run(goals, &stop, None);
-        let read = pcg.backend.download(&pcg.x, x);
+        let outcome = self.cg.solve(&*self.k, system, &stop);
         if let Some(error) = (self.failure.lock())
             .unwrap_or_else(PoisonError::into_inner)
             .take()
         {
             return Err(error.into());
         }
-        read.map_err(PcgError::from)?;
-        Ok(pcg.followed(&outcome?, 1.0))
+        Ok(outcome?)
     }
 
     /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
@@ -368,8 +520,6 @@ impl Distributed {
         if along != 0.0 {
             add_times(-along, &self.product, &mut u);
         }
-        let mut r = difference(&self.load, &contact);
-        self.k.subtract_product(&u, &mut r);
         let terms = self.load_norm.max(self.ranks.norm(&contact));
         if terms == 0.0 {
             // The error that CG leaves in a vanishing u would have to shrink for ever.
@@ -378,19 +528,13 @@ impl Distributed {
             y.fill(0.0);
             return Ok(Correction::default());
         }
-        let run = match accuracy {
-            Accuracy::Residual(residual) => Run {
-                residual,
-                ..Run::default()
-            },
-            accuracy => Run {
-                // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
-                // shrink from step to step.
-                residual: UNREACHABLE * terms,
-                ..self.pcg.run_to(accuracy, 1.0)
-            },
+        let system = SystemOfRank {
+            b: &difference(&self.load, &contact),
+            x: &mut u,
+            terms: Some(terms),
+            accuracy,
         };
-        let outcome = self.run(&r, &mut u, run, stop);
+        let outcome = self.solve(system, stop);
         self.u = u;
         self.seen(&self.u, y);
         outcome
@@ -411,9 +555,13 @@ impl DualOperator for Distributed {
     ) -> Result<(), DualError> {
         let forces = self.forces(p);
         let mut product = std::mem::take(&mut self.product);
-        product.fill(0.0);
-        let run = self.pcg.run_to(accuracy, 1.0);
-        let outcome = self.run(&forces, &mut product, run, stop);
+        let system = SystemOfRank {
+            b: &forces,
+            x: &mut product,
+            terms: None,
+            accuracy,
+        };
+        let outcome = self.solve(system, stop);
         self.product = product;
         self.seen(&self.product, y);
         outcome.map(|_| ())
@@ -481,22 +629,25 @@ impl DualOperator for Distributed {
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
-        let (before, load) = (self.pcg.counts, Arc::clone(&self.load));
-        let mut x = vec![0.0; load.len()];
-        let run = Run {
-            residual_part: tolerance,
-            ..Run::default()
+        let (before, load) = (*self.cg.counts(), Arc::clone(&self.load));
+        let system = SystemOfRank {
+            b: &load,
+            x: &mut vec![0.0; load.len()],
+            terms: None,
+            accuracy: Accuracy::Residual(tolerance),
         };
-        self.run(&load, &mut x, run, &Stop::default())?;
-        let iterations = self.pcg.counts.iterations - before.iterations;
-        self.pcg.counts = before;
+        self.solve(system, &Stop::default())?;
+        let counts = self.cg.counts();
+        let iterations = counts.iterations - before.iterations;
+        *counts = before;
         Ok(Some(iterations))
     }
 
     fn costs(&self) -> Option<Costs> {
-        Some(Costs {
-            solves: self.pcg.counts,
-            ..Costs::default()
+        Some(match &self.cg {
+            Cg::Cpu(pcg) => pcg.costs(),
+            #[cfg(feature = "gpu")]
+            Cg::Gpu(pcg) => pcg.costs(),
         })
     }
 }

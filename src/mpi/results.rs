@@ -50,6 +50,9 @@ pub struct RanksReport {
     pub imbalance: f64,
     /// The largest resident size of each.
     pub peak_memory_mib: Vec<f64>,
+    /// The adapter of each, where they compute on GPUs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub adapters: Vec<String>,
     /// The number of collective sums over all unknowns, and the seconds that rank 0 spent in them, including waiting.
     pub reductions: u64,
     /// The seconds.
@@ -315,8 +318,22 @@ where
             true => share.linear_iterations(1e-8).ok().flatten(),
             false => None,
         };
+        let (adapter, precision) = share.adapter().unzip();
+        let adapters = match (&adapter, self.group.rank()) {
+            (None, _) => Vec::new(),
+            (Some(own), 0) => {
+                let others = (1..self.group.size()).map(|rank| self.group.receive(rank));
+                std::iter::once(own.clone()).chain(others).collect()
+            }
+            (Some(own), _) => {
+                self.group.send(0, own);
+                Vec::new()
+            }
+        };
         self.report.set_path(EnginePath {
             backend: "mpi",
+            adapter,
+            precision: precision.unwrap_or_default(),
             stiffness: "pcg",
             costs: Some(costs),
             v_cycles_linear: linear,
@@ -329,6 +346,7 @@ where
             division: share.division().clone(),
             imbalance: share.division().of_unknowns(),
             peak_memory_mib: peak,
+            adapters,
             reductions,
             reduction_seconds: seconds,
         });

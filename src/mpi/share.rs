@@ -1,13 +1,15 @@
 //! A rank's share of a model or problem, and its load steps.
 
 use super::matrices::{self, More, OwnMatrices};
-use super::operator::{Distributed, Limits, OwnRows};
+use super::operator::{Distributed, Limits, Means, OwnRows};
 use super::partition;
 use super::petsc::{self, PetscError};
+use crate::backend::Precision;
 use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::{DualError, DualOperator as _};
 use crate::elasticity::{assemble_rows, vertices_of_rows};
+use crate::engine::{EngineError, EngineOptions};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::share::{Common, Cut, Graph, Part, Received};
 use crate::model::{Cycles, Draft, ModelError};
@@ -17,7 +19,7 @@ use crate::ranks::{Group, Halo, Ranks};
 use crate::solve::{self, Event, Plan, make_steps};
 use crate::sparse::BlockCsr;
 use crate::ssnm::RecycledSubspace;
-use crate::stiffness::pcg::Preconditioner;
+use crate::stiffness::pcg::PcgError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -42,10 +44,16 @@ pub enum MpiError {
     /// PETSc has failed, perhaps only on this rank: end all of them.
     #[error(transparent)]
     Petsc(#[from] PetscError),
-    /// K⁻¹ could not be set up. On all ranks, unless PETSc has failed.
+    /// A factor was asked for.
+    #[error("the factor is made in one process; several ranks solve by conjugate gradients")]
+    NoFactor,
+    /// No GPU for this rank.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// K⁻¹ could not be set up. On all ranks, unless PETSc or a GPU has failed.
     #[error(transparent)]
     Operator(#[from] DualError),
-    /// A load step could not be made. On all ranks, unless PETSc has failed.
+    /// A load step could not be made. On all ranks, unless PETSc or a GPU has failed.
     #[error(transparent)]
     Solve(#[from] solve::Error),
     /// Multipliers are no longer the same on all ranks, which must not happen.
@@ -58,11 +66,19 @@ pub enum MpiError {
 impl MpiError {
     /// Whether other ranks may not know of it, and wait.
     pub fn is_of_one_rank(&self) -> bool {
+        let is_of_device = |error: &DualError| {
+            matches!(
+                error,
+                DualError::Other(_) | DualError::Pcg(PcgError::Backend(_))
+            )
+        };
         match self {
-            Self::Petsc(_) | Self::Operator(DualError::Other(_)) => true,
+            Self::Petsc(_) => true,
+            Self::Engine(error) => !matches!(error, EngineError::NoGpuSupport),
+            Self::Operator(error) => is_of_device(error),
             Self::Solve(solve::Error::Step(step)) => matches!(
                 &step.error.cause,
-                crate::ssnm::Cause::Operator(DualError::Other(_))
+                crate::ssnm::Cause::Operator(error) if is_of_device(error)
             ),
             _ => false,
         }
@@ -157,9 +173,10 @@ where
     pub fn of_model(
         group: &Arc<Group>,
         draft: Option<Draft<D>>,
-        preconditioner: Preconditioner,
+        options: &EngineOptions,
     ) -> Result<Self, MpiError> {
         petsc::start()?;
+        let means = Means::new(group, options)?;
         let is_root = group.rank() == 0;
         let elastic = draft.filter(|_| is_root).map(|draft| draft.0);
         assert!(elastic.is_some() == is_root, "rank 0 needs the model");
@@ -260,7 +277,7 @@ where
             halo,
             ties,
         };
-        let dual = Distributed::new(group, &problem, own_rows, preconditioner)?;
+        let dual = Distributed::new(group, &problem, own_rows, &means)?;
         division.setup = start.elapsed().as_secs_f64();
         give_back_freed();
         Ok(Self {
@@ -284,11 +301,11 @@ where
     pub fn of_problem(
         group: &Arc<Group>,
         problem: Option<ContactProblem<D>>,
-        preconditioner: Preconditioner,
+        options: &EngineOptions,
     ) -> Result<Self, MpiError> {
         petsc::start()?;
         let (own, more, original) = matrices::divided(group, problem)?;
-        let mut share = Self::of_parts(group, own, more, preconditioner)?;
+        let mut share = Self::of_parts(group, own, more, options)?;
         share.original = original;
         Ok(share)
     }
@@ -300,18 +317,19 @@ where
     pub fn of_rows(
         group: &Arc<Group>,
         own: OwnMatrices<D>,
-        preconditioner: Preconditioner,
+        options: &EngineOptions,
     ) -> Result<Self, MpiError> {
         petsc::start()?;
-        Self::of_parts(group, own, More::default(), preconditioner)
+        Self::of_parts(group, own, More::default(), options)
     }
 
     fn of_parts(
         group: &Arc<Group>,
         own: OwnMatrices<D>,
         more: More,
-        preconditioner: Preconditioner,
+        options: &EngineOptions,
     ) -> Result<Self, MpiError> {
+        let means = Means::new(group, options)?;
         let start = Instant::now();
         let ranks = Ranks::of(group);
         let made = own.made(more, group, &ranks)?;
@@ -349,7 +367,7 @@ where
             ties,
             vertices: None,
         };
-        let dual = Distributed::new(group, &problem, own_rows, preconditioner)?;
+        let dual = Distributed::new(group, &problem, own_rows, &means)?;
         division.setup = start.elapsed().as_secs_f64();
         Ok(Self {
             group: Arc::clone(group),
@@ -381,6 +399,11 @@ where
     /// The operator for K⁻¹, for a log, and the reason why it is not multigrid although that was requested.
     pub fn about(&self) -> (&str, Option<&str>) {
         self.dual.about()
+    }
+
+    /// The adapter of this rank, and the precision of its kernels, if it computes on one.
+    pub fn adapter(&self) -> Option<(String, Precision)> {
+        self.dual.adapter()
     }
 
     /// The bodies that only contact holds, and how they could move as a whole, in words; of a model.
@@ -546,7 +569,7 @@ impl AnyShare {
     pub fn of_problem(
         group: &Arc<Group>,
         problem: Option<AnyProblem>,
-        preconditioner: Preconditioner,
+        options: &EngineOptions,
     ) -> Result<Self, MpiError> {
         let is_space = problem
             .as_ref()
@@ -557,9 +580,7 @@ impl AnyShare {
                 AnyProblem::Plane(_) => None,
             });
             return Ok(Self::Space(Box::new(Share::of_problem(
-                group,
-                problem,
-                preconditioner,
+                group, problem, options,
             )?)));
         }
         let problem = problem.and_then(|problem| match problem {
@@ -569,7 +590,7 @@ impl AnyShare {
         Ok(Self::Plane(Box::new(Share::of_problem(
             group,
             problem,
-            preconditioner,
+            options,
         )?)))
     }
 }

@@ -56,6 +56,12 @@ impl Group {
         self.world.size() as usize
     }
 
+    /// The number of this rank among those of its machine. Collective.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn turn(&self) -> usize {
+        self.world.split_shared(self.world.rank()).rank() as usize
+    }
+
     /// The communicator.
     pub(crate) fn communicator(&self) -> &SimpleCommunicator {
         &self.world

@@ -11,7 +11,7 @@ use std::sync::Arc;
 ///
 /// All methods that move values are collective.
 #[derive(Clone, Debug)]
-pub(crate) struct Halo {
+pub struct Halo {
     ranks: Ranks,
     /// The number of the first own row, where rows are counted rank by rank, and the number of own rows and of all.
     first: u64,

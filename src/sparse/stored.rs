@@ -1,6 +1,7 @@
 //! Matrices in the form that kernels take: blocks of a shape known at run time, 32-bit indices, in f32 or f64.
 
 use super::{BlockCsr, ROWS_PER_TASK, dot};
+use crate::ranks::Halo;
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Sub};
@@ -61,10 +62,23 @@ pub trait SquareBlocks: Send + Sync {
     fn multiply_with_sizes(&self, x: &[f64], s: &[f64]) -> [Vec<f64>; 2];
     /// Passes the stored scalar entries (row, column, value), row by row.
     fn for_entries(&self, take: &mut dyn FnMut(usize, usize, f64));
+    /// Where other ranks have the other rows, the halo of these: block columns are the own blocks, then copies.
+    #[doc(hidden)]
+    fn halo(&self) -> Option<&Halo> {
+        None
+    }
 
     /// Scalar rows.
     fn n_rows(&self) -> usize {
         self.block() * (self.row_ptr().len() - 1)
+    }
+
+    /// The same, with those of other ranks.
+    fn n_all_rows(&self) -> usize {
+        match self.halo() {
+            Some(halo) => self.block() * halo.all() as usize,
+            None => self.n_rows(),
+        }
     }
 }
 

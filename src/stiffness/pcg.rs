@@ -6,10 +6,10 @@
 
 use super::amg::{AmgError, AmgSettings, Hierarchy, Multigrid};
 use crate::backend::{Backend, BackendError, Progress, Run};
-use crate::control::{Accuracy, Correction, SolveCounts, Stop, Stopped};
+use crate::control::{Accuracy, Correction, Costs, SolveCounts, Stop, Stopped};
 use crate::problem::Vertices;
+use crate::sparse::BlockCsr;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
-use crate::sparse::{BlockCsr, norm};
 use std::sync::Arc;
 
 mod energy;
@@ -315,6 +315,14 @@ impl<B: Backend> Pcg<B> {
         preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
     }
 
+    /// What it has done, and its backend.
+    pub(crate) fn costs(&self) -> Costs {
+        Costs {
+            solves: self.counts,
+            device: self.backend.counters(),
+        }
+    }
+
     /// Whether the backend's own arithmetic suffices for an f64 answer.
     pub fn is_f64(&self) -> bool {
         self.backend.unit_roundoff() < 1e-12
@@ -331,11 +339,17 @@ impl<B: Backend> Pcg<B> {
     ) -> Result<(), PcgError> {
         if !self.is_f64() {
             x.fill(0.0);
-            self.refine(b, norm(b), x, Accuracy::Residual(tolerance), stop)?;
+            self.refine(
+                b,
+                self.backend.norm(b),
+                x,
+                Accuracy::Residual(tolerance),
+                stop,
+            )?;
             return Ok(());
         }
         self.counts.solves += 1;
-        let factor = self.load(b, norm(b));
+        let factor = self.load(b, self.backend.norm(b));
         let run = Run {
             residual_part: tolerance,
             ..Run::default()
@@ -400,7 +414,7 @@ impl<B: Backend> Pcg<B> {
             ..
         } = self;
         // A run without progress ends before.
-        let limit = most_iterations(self.k.n_rows());
+        let limit = most_iterations(self.k.n_all_rows());
         let mut watch = Watch::new(backend.unit_roundoff());
         let mut first_energy = None;
         backend.start(r, x, preconditioner.r(), state, goals);
@@ -417,6 +431,9 @@ impl<B: Backend> Pcg<B> {
         let mut issued = 0;
         loop {
             for _ in 0..chunk {
+                if backend.is_over(state) {
+                    break;
+                }
                 backend.multiply(matrix, p, q, state);
                 backend.step(p, q, x, r, preconditioner.r(), state);
                 preconditioner.cycle(backend, state)?;

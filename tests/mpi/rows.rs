@@ -4,7 +4,7 @@ use super::run::mpirun;
 use signorini::mpi::{OwnMatrices, Share, World};
 use signorini::solve::Event;
 use signorini::ssnm::Status;
-use signorini::stiffness::pcg::Preconditioner;
+use signorini::engine::EngineOptions;
 use std::ops::ControlFlow;
 use std::process::Command;
 
@@ -63,7 +63,7 @@ fn chain(world: &World) {
             matrices.normal.push((place, row - first, 1.0));
         }
     }
-    let mut share = Share::of_rows(group, matrices, Preconditioner::Multigrid)
+    let mut share = Share::of_rows(group, matrices, &EngineOptions::default())
         .unwrap_or_else(|error| panic!("{error}"));
     let mut found = None;
     let watch = |event: Event<2>| {

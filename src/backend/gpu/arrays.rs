@@ -4,7 +4,8 @@ use super::Gpu;
 use super::buffers::Handle;
 use super::kernels::{Scalar, Shape, WIDTH};
 use super::layout::{Part, Source, segments};
-use crate::backend::{BackendError, Precision};
+use crate::backend::{BackendError, Precision, cpu};
+use crate::ranks::Halo;
 use crate::sparse::Csr;
 use crate::sparse::stored::{BlockMatrix, SquareBlocks, power_of_two_below};
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use std::ops::Range;
 use wgpu::BufferUsages;
 
 /// Scalars of a vector, with their buffer.
+#[derive(Clone)]
 pub(super) struct Segment {
     pub(super) range: Range<usize>,
     pub(super) data: Handle,
@@ -68,7 +70,22 @@ pub(super) struct Blocks {
 }
 
 /// K in sliced block-ELL.
-pub struct Matrix(pub(super) Blocks);
+pub struct Matrix {
+    pub(super) blocks: Blocks,
+    /// On several ranks, the entries of others that its columns reach.
+    pub(super) beyond: Option<Beyond>,
+}
+
+/// The entries of a vector that other ranks need, and copies of those of others.
+pub(super) struct Beyond {
+    /// That of the interface, whose rows have this many entries.
+    pub(super) halo: Halo,
+    pub(super) width: usize,
+    /// Picks the interface of a vector.
+    pub(super) picks: Rows,
+    pub(super) interface: Vector,
+    pub(super) copies: Vector,
+}
 
 /// A matrix of a multigrid level in sliced block-ELL, in f32.
 pub struct LevelMatrix(pub(super) Blocks);
@@ -115,6 +132,8 @@ pub struct State {
     pub(super) next: Handle,
     pub(super) goals: Handle,
     pub(super) partials: Handle,
+    /// On several ranks, the scalars that the host has: the same on all of them.
+    pub(super) shared: Option<cpu::State>,
     /// Unknowns.
     pub(super) len: usize,
     /// Partial sums of pᵀKp come first, then those of the vectors.
@@ -155,12 +174,14 @@ impl Gpu {
         Ok(Vector { len, segments })
     }
 
-    /// A matrix in blocks on the device; `value` makes a number of the kernels of an entry.
-    pub(super) fn blocks<S: Copy + Sync, V: Copy + Default + Send + bytemuck::NoUninit>(
+    /// A matrix in blocks on the device; `value` makes a number of the kernels of an entry. Of its columns, those from `own` on
+    /// are in a vector of their own.
+    fn blocks<S: Copy + Sync, V: Copy + Default + Send + bytemuck::NoUninit>(
         &mut self,
         what: &'static str,
         scalar: Scalar,
         source: &Source<S>,
+        own: usize,
         value: impl Fn(S) -> V + Sync,
     ) -> Result<Blocks, BackendError> {
         let shape = Shape::of(source.block)?;
@@ -169,7 +190,11 @@ impl Gpu {
             source.n_block_cols * source.block[1],
         ];
         let most = self.context.max_binding();
-        let ranges = [segments(n_rows, most), segments(n_cols, most)];
+        let mut ranges = [segments(n_rows, most), segments(own, most)];
+        if n_cols > own {
+            let copies = segments(n_cols - own, most).into_iter();
+            ranges[1].extend(copies.map(|range| own + range.start..own + range.end));
+        }
         let scalar_bytes = size_of::<V>() as u64;
         let layouts =
             Part::all(source, &ranges[0], &ranges[1], most, scalar_bytes).ok_or_else(|| {
@@ -222,27 +247,30 @@ impl Gpu {
         k: &dyn SquareBlocks,
     ) -> Result<(Matrix, f64), BackendError> {
         let n = k.row_ptr().len() - 1;
+        let own = k.n_rows();
         let source = Source {
             block: [k.block(); 2],
             n_block_rows: n,
-            n_block_cols: n,
+            n_block_cols: n + k.halo().map_or(0, Halo::copies),
             start: &|i| k.row_ptr()[i],
             col_idx: k.col_idx(),
             values: k.entries(),
         };
         let what = "the stiffness matrix";
-        Ok(match self.context.precision {
-            Precision::F64 => (
-                Matrix(self.blocks(what, Scalar::Real, &source, |v| v)?),
-                1.0,
-            ),
+        let (blocks, scale) = match self.context.precision {
+            Precision::F64 => (self.blocks(what, Scalar::Real, &source, own, |v| v)?, 1.0),
             Precision::F32 => {
-                let scale = power_of_two_below(largest(k)).recip();
+                // The same on all ranks, as are the scalars of CG.
+                let scale = power_of_two_below(self.ranks.max(largest(k))).recip();
                 let value = |v| (v * scale) as f32;
-                let blocks = self.blocks(what, Scalar::Real, &source, value)?;
-                (Matrix(blocks), scale)
+                (self.blocks(what, Scalar::Real, &source, own, value)?, scale)
             }
-        })
+        };
+        let beyond = match k.halo() {
+            Some(halo) => Some(self.beyond(halo, k.block())?),
+            None => None,
+        };
+        Ok((Matrix { blocks, beyond }, scale))
     }
 
     /// A matrix of a level.
@@ -256,8 +284,9 @@ impl Gpu {
             col_idx: m.col_idx(),
             values: m.values(),
         };
-        self.blocks("the multigrid hierarchy", Scalar::Single, &source, |v| v)
-            .map(LevelMatrix)
+        let what = "the multigrid hierarchy";
+        let blocks = self.blocks(what, Scalar::Single, &source, m.n_cols(), |v| v)?;
+        Ok(LevelMatrix(blocks))
     }
 
     /// The rows of a matrix that have entries.

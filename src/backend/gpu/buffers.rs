@@ -1,5 +1,6 @@
 //! Buffers on the device, and their contents.
 
+use super::arrays::Vector;
 use super::context::{Buffer, Context};
 use super::{Gpu, PIECE_BYTES};
 use crate::backend::{BackendError, Precision};
@@ -70,6 +71,23 @@ impl Gpu {
         }
         self.context.check()?;
         Ok(handle)
+    }
+
+    /// Copies numbers to the beginning of a vector.
+    pub(super) fn write_reals(&mut self, from: &[f64], to: &Vector) {
+        assert!(from.len() <= to.len);
+        // Writes take effect before all commands of the next submission.
+        self.submit(None);
+        for segment in &to.segments {
+            let last = segment.range.end.min(from.len());
+            let Some(from) = from.get(segment.range.start..last) else {
+                break;
+            };
+            let bytes = self.real_array(from);
+            self.context
+                .queue
+                .write_buffer(&segment.data.buffer.buffer, 0, &bytes);
+        }
     }
 
     /// Real numbers in the precision of the kernels.

@@ -421,29 +421,39 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
                 .to_owned(),
         ));
     }
-    let position = match &wanted {
-        Some(wanted) => {
-            let by_number = wanted.parse::<usize>().ok().filter(|&i| i < all.len());
-            by_number
-                .or_else(|| {
-                    let wanted = wanted.to_lowercase();
-                    all.iter()
-                        .position(|(_, s)| s.name.to_lowercase().contains(&wanted))
-                })
-                .ok_or_else(|| {
-                    GpuError::NoAdapter(format!(
-                        "no adapter has \"{wanted}\" in its name{}; there are:{}",
-                        if by_variable {
-                            " (requested by the variable WGPU_ADAPTER_NAME)"
-                        } else {
-                            ""
-                        },
-                        list()
-                    ))
-                })?
+    let named = |wanted: &String| {
+        if let Some(number) = wanted.parse::<usize>().ok().filter(|&i| i < all.len()) {
+            return vec![number];
         }
-        None => 0,
+        let wanted = wanted.to_lowercase();
+        let is_named = |&i: &usize| all[i].1.name.to_lowercase().contains(&wanted);
+        (0..all.len()).filter(is_named).collect()
     };
+    let candidates = match &wanted {
+        Some(wanted) => named(wanted),
+        None => (0..all.len()).collect(),
+    };
+    let Some(&best) = candidates.first() else {
+        return Err(GpuError::NoAdapter(format!(
+            "no adapter has \"{}\" in its name{}; there are:{}",
+            wanted.unwrap_or_default(),
+            if by_variable {
+                " (requested by the variable WGPU_ADAPTER_NAME)"
+            } else {
+                ""
+            },
+            list()
+        )));
+    };
+    // A device may appear once more under another interface.
+    let merits = |i: usize| {
+        let s = &all[i].1;
+        (s.kind, &s.api, s.f64, s.unsuitable.is_some())
+    };
+    let equals: Vec<usize> = (candidates.into_iter())
+        .filter(|&i| merits(i) == merits(best))
+        .collect();
+    let position = equals[options.turn % equals.len()];
     let count = all.len();
     let (adapter, summary) = all
         .into_iter()

@@ -4,7 +4,7 @@
 use super::log::Log;
 use super::{INTERRUPTED, READ, hear_interrupts, output_directory, summary};
 use crate::cli::advice::message_of;
-use crate::cli::{Backend, ERROR, EngineArguments, NOT_CONVERGED, SolveArguments, Stiffness};
+use crate::cli::{ERROR, NOT_CONVERGED, SolveArguments, Stiffness};
 use signorini::case::{Case, CaseDraft};
 use signorini::contact::Space;
 use signorini::mesh::ElementKind;
@@ -67,8 +67,7 @@ pub fn run(arguments: &SolveArguments, group: &Arc<Group>) -> Result<u8, String>
                 CaseDraft::Algebraic(problem) => Some(*problem),
                 _ => None,
             });
-            let preconditioner = arguments.engine.options().preconditioner;
-            match AnyShare::of_problem(group, problem, preconditioner) {
+            match AnyShare::of_problem(group, problem, &arguments.engine.options()) {
                 Ok(AnyShare::Plane(share)) => run.make(*share),
                 Ok(AnyShare::Space(share)) => run.make(*share),
                 Err(error) => run.failed(error),
@@ -96,18 +95,11 @@ fn told(is_root: bool, message: String) -> Result<u8, String> {
 
 /// A request that several ranks cannot fulfil.
 fn refused(arguments: &SolveArguments) -> Option<String> {
-    let EngineArguments {
-        backend, stiffness, ..
-    } = &arguments.engine;
-    if *stiffness == Stiffness::Cholesky {
-        let text = "--stiffness cholesky: the factor is made in one process; several ranks solve by conjugate gradients: \
-                    leave it out, or start the program without mpirun";
-        return Some(text.to_owned());
-    }
-    if *backend == Backend::Gpu {
-        let text = "--backend gpu: several ranks compute on their processors: leave it out, or start the program \
-                    without mpirun";
-        return Some(text.to_owned());
+    if arguments.engine.stiffness == Stiffness::Cholesky {
+        return Some(format!(
+            "--stiffness cholesky: {}: leave it out, or start the program without mpirun",
+            MpiError::NoFactor
+        ));
     }
     arguments.plots.then(|| {
         "--plots: pictures are drawn in one process; several ranks write .pvtu files, which ParaView draws: leave it out"
@@ -163,8 +155,7 @@ impl Run<'_> {
     where
         ElementKind: Space<D>,
     {
-        let preconditioner = self.arguments.engine.options().preconditioner;
-        match Share::of_model(self.group, draft, preconditioner) {
+        match Share::of_model(self.group, draft, &self.arguments.engine.options()) {
             Ok(share) => self.make(share),
             Err(error) => self.failed(error),
         }
@@ -238,6 +229,9 @@ impl Run<'_> {
             division.partition, division.distribution, division.assembly, division.setup
         ));
         log.say(format_args!("{about}"));
+        if let Some((adapter, precision)) = share.adapter() {
+            log.say(format_args!("rank 0 on {adapter}, {precision}"));
+        }
         if let Some(reason) = fallback {
             log.tell(&format!("{reason}: using block-Jacobi instead"));
         }

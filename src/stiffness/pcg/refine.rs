@@ -3,7 +3,6 @@
 use super::{Pcg, PcgError, UNREACHABLE};
 use crate::backend::Backend;
 use crate::control::{Accuracy, Correction, Stop};
-use crate::sparse::norm;
 
 /// The largest factor by which a correction in f32 should reduce the residual: beyond it the recurrence drifts away
 /// from the true residual.
@@ -33,7 +32,7 @@ impl<B: Backend> Pcg<B> {
         let start = self.counts.iterations;
         let mut correction = vec![0.0; b.len()];
         let mut residual = b.to_vec();
-        if x.iter().any(|&v| v != 0.0) {
+        if self.backend.norm(x) != 0.0 {
             self.k.subtract_product(x, &mut residual);
         }
         let goal = match accuracy {
@@ -44,7 +43,7 @@ impl<B: Backend> Pcg<B> {
         let mut asked = CORRECTION;
         // Of eᵀKe: the sum of all corrections, the last correction, and the part left on purpose.
         let (mut energy, mut last, mut truncated) = (0.0, f64::INFINITY, 0.0);
-        let mut length = norm(&residual);
+        let mut length = self.backend.norm(&residual);
         for _ in 0..MAX_CORRECTIONS {
             if length <= goal {
                 return Ok(self.refined(energy, 0.0));
@@ -87,7 +86,7 @@ impl<B: Backend> Pcg<B> {
             last = gained;
             residual.copy_from_slice(b);
             self.k.subtract_product(x, &mut residual);
-            let before = std::mem::replace(&mut length, norm(&residual));
+            let before = std::mem::replace(&mut length, self.backend.norm(&residual));
             let achieved = length / before;
             if let Accuracy::Residual(_) = accuracy {
                 advances = achieved <= 0.5;
