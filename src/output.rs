@@ -10,17 +10,16 @@ mod hints;
 pub mod plots;
 pub(crate) mod reactions;
 mod report;
-mod resources;
 mod results;
 pub(crate) mod vtu;
 
+pub use crate::memory::{forget_peak_memory, peak_memory_mib};
 #[cfg(feature = "case")]
 pub use export::{ExportError, export};
 pub use fields::{ContactFields, NodeStatus, StepFields, shown_at_nodes};
 pub use files::{OutputError, prepare, withdraw, write_whole};
 pub use reactions::{ContactReport, SupportReport};
 pub use report::{EnginePath, HistoryRow, NotHeldReport, Report, StepReport, Timings};
-pub use resources::{forget_peak_memory, peak_memory_mib};
 pub use results::{Draw, OfBodies, Results, StepResults};
 
 /// Adds a line to a text.

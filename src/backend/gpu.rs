@@ -492,6 +492,10 @@ impl Backend for Gpu {
 
     fn write_level(&mut self, from: &[f32], to: &mut LevelVector) {
         assert_eq!(from.len(), to.0.len);
+        // Without a number there is a segment nevertheless.
+        if from.is_empty() {
+            return;
+        }
         // Writes take effect before all commands of the next submission.
         self.submit(None);
         for segment in &to.0.segments {
@@ -503,6 +507,9 @@ impl Backend for Gpu {
 
     fn read_level(&mut self, from: &LevelVector, to: &mut [f32]) -> Result<(), BackendError> {
         assert_eq!(to.len(), from.0.len);
+        if to.is_empty() {
+            return Ok(());
+        }
         for segment in &from.0.segments {
             let to = &mut to[segment.range.clone()];
             for (i, to) in to.chunks_mut(PIECE_BYTES as usize / 4).enumerate() {

@@ -10,6 +10,7 @@ use crate::control::Costs;
 use crate::dual::{DualError, DualOperator as _};
 use crate::elasticity::{assemble_rows, vertices_of_rows};
 use crate::engine::{EngineError, EngineOptions};
+use crate::memory::peak_memory_mib;
 use crate::mesh::{ElementKind, Topology};
 use crate::model::share::{Common, Cut, Graph, Part, Received};
 use crate::model::{Cycles, Draft, ModelError};
@@ -97,6 +98,8 @@ pub struct Imbalance {
     pub partition: f64,
     /// Seconds to cut the model up and to send the parts.
     pub distribution: f64,
+    /// The largest resident size of rank 0 while it had the whole mesh, in mebibytes.
+    pub root_mib: Option<f64>,
     /// Seconds for the rows of K on the slowest rank.
     pub assembly: f64,
     /// Seconds until PETSc has K and its preconditioner.
@@ -201,12 +204,13 @@ where
                 let sizes = cut.sizes();
                 division.unknowns = sizes.iter().map(|size| size[0]).collect();
                 division.elements = sizes.iter().map(|size| size[1]).collect();
-                (1..group.size()).for_each(|rank| group.send(rank, &cut.part(rank)));
+                group.send_each(|rank| cut.part(rank));
                 cut.part(0)
             }
         };
         drop(cut);
         // Here the mesh goes.
+        let whole = peak_memory_mib().filter(|_| is_root);
         let (mut pairs, mut seconds, mut temperatures) = (Vec::new(), [0.0; 2], Vec::new());
         if let Some(elastic) = elastic {
             temperatures = elastic.temperatures();
@@ -227,6 +231,7 @@ where
         drop(temperatures);
         group.any(false);
         division.distribution = start.elapsed().as_secs_f64();
+        division.root_mib = whole;
 
         let start = Instant::now();
         let ranks = Ranks::of(group);
@@ -588,9 +593,7 @@ impl AnyShare {
             AnyProblem::Space(_) => None,
         });
         Ok(Self::Plane(Box::new(Share::of_problem(
-            group,
-            problem,
-            options,
+            group, problem, options,
         )?)))
     }
 }

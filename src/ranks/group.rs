@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::time::Instant;
 
 /// Bytes of a message at most: MPI counts in 32 bits.
@@ -211,7 +212,25 @@ impl Group {
 
     /// Sends something to another rank, which has to [`Group::receive`] it.
     pub(crate) fn send<T: Serialize>(&self, to: usize, value: &T) {
-        let bytes = packed(value);
+        self.send_packed(to, &packed(value));
+    }
+
+    /// Sends something to each of the other ranks, and makes the next one meanwhile.
+    pub(crate) fn send_each<T: Serialize>(&self, make: impl Fn(usize) -> T + Sync) {
+        let (sender, receiver) = sync_channel(0);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let sender = sender;
+                // The receiver is gone only if this thread's parent panics.
+                (1..self.size()).all(|rank| sender.send(packed(&make(rank))).is_ok())
+            });
+            for (bytes, rank) in receiver.iter().zip(1..) {
+                self.send_packed(rank, &bytes);
+            }
+        });
+    }
+
+    fn send_packed(&self, to: usize, bytes: &[u8]) {
         let to = self.world.process_at_rank(to as i32);
         to.send(&(bytes.len() as u64));
         bytes.chunks(MESSAGE).for_each(|part| to.send(part));

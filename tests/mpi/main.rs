@@ -22,10 +22,11 @@ fn main() {
         .skip(1)
         .filter(|arg| !arg.starts_with('-'))
         .collect();
-    let tests: [(&str, fn()); 12] = [
+    let tests: [(&str, fn()); 13] = [
         ("the_templates", the_templates),
         ("iterations", iterations),
         ("kinds", kinds::kinds),
+        ("gpus", gpus),
         ("matrices", matrices),
         ("the_same_bits", the_same_bits),
         ("pieces_are_whole", pieces_are_whole),
@@ -92,6 +93,62 @@ fn the_templates() {
     one.arg(example("press.toml")).args(["--quiet", "--output"]);
     mpirun(1, one.arg(place.path()));
     assert_eq!(report(place.path()).report["backend"], "cpu");
+}
+
+/// Ranks that compute on an adapter each, in both precisions, take the steps of those that compute on their processors, to the
+/// same forces: the plane, space, second order, own levels above those of PETSc, bodies that only contact holds, matrices.
+fn gpus() {
+    let place = tempfile::tempdir().expect("a directory");
+    let fine = place.path().join("fine.toml");
+    let case_c = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/case-c.toml");
+    let text = std::fs::read_to_string(case_c).expect("the case");
+    std::fs::write(&fine, text.replace("[144, 48, 48]", "[24, 8, 8]")).expect("a case");
+    let second = place.path().join("second.toml");
+    let text = std::fs::read_to_string(&fine).expect("the case");
+    let text = text.replace("[24, 8, 8]", "[9, 4, 4]");
+    std::fs::write(&second, format!("mesh.order = 2\n{text}")).expect("a case");
+    for (case, ranks) in [
+        (example("roller.toml"), 2),
+        (example("ball.toml"), 3),
+        (example("collar.toml"), 4),
+        (fine.clone(), 2),
+        (fine, 1),
+        (second, 2),
+        (example("matrices/block.toml"), 2),
+    ] {
+        let run = |backend: &[&str]| {
+            let place = tempfile::tempdir().expect("a directory");
+            solved(Some(ranks), &case, backend, place.path())
+        };
+        let processors = run(&["--backend", "cpu"]);
+        for precision in ["f64", "f32"] {
+            let found = run(&["--backend", "gpu", "--precision", precision]);
+            let adapters = &found.report["ranks"]["adapters"];
+            assert_eq!(adapters.as_array().map(Vec::len), Some(ranks), "{adapters}");
+            assert_eq!(found.report["precision"], precision);
+            let costs = ["iter", "n_A", "v_cycles"]
+                .map(|key| [&found, &processors].map(|run| run.report[key].as_f64().expect(key)));
+            let (forces, expected) = (found.forces(), processors.forces());
+            let size = expected
+                .iter()
+                .fold(1e-300_f64, |most, v| most.max(v.abs()));
+            let off = (forces.iter().zip(&expected)).map(|(a, b)| (a - b).abs());
+            let off = off.fold(0.0, f64::max) / size;
+            println!(
+                "  {} on {ranks} in {precision}: forces {off:.1e}; {} steps, {} on processors",
+                case.display(),
+                costs[0][0],
+                costs[0][1]
+            );
+            assert_eq!(forces.len(), expected.len());
+            // In f64 only the order of sums differs.
+            let most = if precision == "f64" { 1.0 } else { 3.0 };
+            for [found, expected] in &costs[..2] {
+                assert!((found - expected).abs() <= most, "{costs:?}");
+            }
+            assert!(off <= TOLERANCE, "{off:e}");
+        }
+    }
 }
 
 /// u and λ of a problem from matrices obey its conditions, which are checked from the files alone.
@@ -318,7 +375,19 @@ fn faults() {
         told_by(command, &loose, &[], "no contact to hold it");
     }
     told(TINY, &["--stiffness", "cholesky"], "leave it out");
-    told(TINY, &["--backend", "gpu"], "leave it out");
+    // Each rank looks for an adapter, and may tell of it; the first one to do so ends all.
+    std::fs::write(&case, TINY).expect("a case");
+    let mut command = signorini("solve");
+    command
+        .arg(&case)
+        .args(["--backend", "gpu", "--adapter", "nosuch"]);
+    let run = mpirun(3, &mut command);
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("no adapter has \"nosuch\" in its name"),
+        "{said}"
+    );
     told(TINY, &["--output", "/dev/null/out"], "cannot write");
     // A panic of one rank ends all of them.
     let run = mpirun(3, rows::command("panic"));

@@ -1,10 +1,10 @@
 //! Programs that already run under MPI, and pass the rows of their ranks.
 
 use super::run::mpirun;
+use signorini::engine::EngineOptions;
 use signorini::mpi::{OwnMatrices, Share, World};
 use signorini::solve::Event;
 use signorini::ssnm::Status;
-use signorini::engine::EngineOptions;
 use std::ops::ControlFlow;
 use std::process::Command;
 

@@ -229,13 +229,14 @@ pub fn describe(costs: &Costs) -> String {
         solves.solves, solves.iterations
     );
     if device.dispatches > 0 {
-        let per_iteration = device.dispatches as f64 / solves.iterations.max(1) as f64;
+        let per_iteration = |count: usize| count as f64 / solves.iterations.max(1) as f64;
         text += &format!(
-            "; {} dispatches ({per_iteration:.2} per iteration, all others included), {} read-backs \
-             (one per {:.0} iterations), {} submissions",
+            "; {} dispatches ({:.2} per iteration, all others included), {} read-backs ({:.2} per iteration), \
+             {} submissions",
             device.dispatches,
+            per_iteration(device.dispatches),
             device.readbacks,
-            solves.iterations as f64 / device.readbacks.max(1) as f64,
+            per_iteration(device.readbacks),
             device.submissions
         );
     }
