@@ -144,7 +144,10 @@ fn shares_of(shares: &Foreseen) -> impl Iterator<Item = String> {
     let line = |(rank, &(unknowns, mebibytes)): (usize, &(usize, f64))| {
         format!("rank {rank:<8} {unknowns} unknowns, about {mebibytes:.0} MiB")
     };
-    shares.ranks.iter().enumerate().map(line)
+    let whole = (shares.root_mib).map(|mebibytes| {
+        format!("dividing      about {mebibytes:.0} MiB on rank 0 while it has the whole mesh")
+    });
+    shares.ranks.iter().enumerate().map(line).chain(whole)
 }
 
 fn titled(case: &Case) -> Vec<String> {

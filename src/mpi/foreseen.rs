@@ -13,6 +13,8 @@ use crate::problem::ContactProblem;
 pub struct Foreseen {
     /// For each rank its unknowns, and roughly the mebibytes of the process.
     pub ranks: Vec<(usize, f64)>,
+    /// Roughly the mebibytes of rank 0 while it has the whole mesh and divides it; of a model.
+    pub root_mib: Option<f64>,
     /// The bodies that only contact holds, and how they could move as a whole, in words; of a model.
     pub floating_bodies: Vec<String>,
 }
@@ -29,8 +31,14 @@ impl Foreseen {
         let elastic = draft.elastic();
         let graph = Graph::new(elastic).ok_or_else(too_large)?;
         let has_block = |node: usize| elastic.unknowns.block(node as u32).is_some();
+        let mesh = &elastic.mesh;
+        let sizes = [mesh.nodes.len(), mesh.elements.len(), graph.others.len()];
+        let bytes: usize = (sizes.iter().zip(WHOLE))
+            .map(|(size, bytes)| size * bytes)
+            .sum();
         Ok(Self {
             ranks: shares::<D>(graph, has_block, ranks)?,
+            root_mib: Some(ALONE + bytes as f64 / f64::from(1 << 20)),
             floating_bodies: freedoms(elastic)?,
         })
     }
@@ -46,6 +54,7 @@ impl Foreseen {
         let graph = Graph::of_matrix(problem.stiffness()).ok_or_else(too_large)?;
         Ok(Self {
             ranks: shares::<D>(graph, |_| true, ranks)?,
+            root_mib: None,
             floating_bodies: Vec::new(),
         })
     }

@@ -424,6 +424,20 @@ fn foreseen() {
             assert_eq!(told[1], unknowns, "{said}");
             assert!((0.7..1.4).contains(&(peak / told[2])), "{peak} MiB: {said}");
         }
+        let dividing = said.lines().find(|line| line.starts_with("dividing"));
+        let dividing = dividing.map(|line| {
+            let mut words = line.split_whitespace();
+            words
+                .find_map(|word| word.parse::<f64>().ok())
+                .expect("mebibytes")
+        });
+        match (dividing, solved["ranks"]["root_mib"].as_f64()) {
+            (Some(told), Some(peak)) => {
+                println!("  {case}: {told} MiB while it is divided, {peak:.0} MiB");
+                assert!((0.7..1.2).contains(&(peak / told)), "{peak} MiB: {said}");
+            }
+            (told, _) => assert!(told.is_none() && case.starts_with("matrices"), "{said}"),
+        }
     }
 }
 
