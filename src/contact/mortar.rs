@@ -22,14 +22,14 @@
 //!   covered part. With the facet's own functions it would act at nodes beyond that border, and a body would be
 //!   supported where nothing is.
 //! - **A facet with nodes that supports hold** in a direction, or that move alike with others, has no multipliers at
-//!   these nodes in that direction. Their β are added to those of the free places F beside them, β̃ = β + Σ c βₕ. ψ = C
-//!   β̃ among those, with C = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free
+//!   these nodes in that direction. Their β are added to those of the free places F beside them, β̃ = β + Σ c βₕ, and ψ = C
+//!   β̃ among those with C = diag(1ᵀG) G⁻¹, Gᵢⱼ = ∫ β̃ᵢ βⱼ over F. Then Σψ = 1 again, and where one place is free
 //!   ψ = 1. With ψ of both signs the row of a held place would contain only the master's nodes and forbid the master to
-//!      bend away; with βₕ there were more rows than the slave can follow. Where all are held, ψ = β ≥ 0. Along
-//!      tangents with friction a place that is free along its normal keeps its friction: ψₕ = βₕ. Each direction e has
-//!      its own ψ, and a row combines all of them with the weights (v·e)², where v is the normal or the tangent of the
-//!      facet. Facets of second order that are held along their normals have the places of their corners, with linear
-//!      β, as if they were covered in part. Reason: β of second order have both signs.
+//!   bend away; with βₕ there were more rows than the slave can follow. Where all are held, ψ = β ≥ 0. Along
+//!   tangents with friction a place that is free along its normal keeps its friction: ψₕ = βₕ. Each direction e has
+//!   its own ψ, and a row combines all of them with the weights (v·e)², where v is the normal or the tangent of the
+//!   facet. Facets of second order that are held along their normals have the places of their corners, with linear
+//!   β, as if they were covered in part. Reason: β of second order have both signs.
 //! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
 //!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
 //!   from node to node, on a plane for each facet of the slave.

@@ -7,7 +7,7 @@ use crate::dual::{DualOperator, NestedDual};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
 use crate::mesh::structured::{CellShape, rectangle};
 use crate::problem::{ContactData, ContactProblem, FloatingBodies};
-use crate::sparse::{Csr, dot};
+use crate::sparse::{Csr, dot, norm};
 use crate::ssnm::{self, Status};
 use std::ops::ControlFlow;
 
