@@ -19,7 +19,7 @@ use crate::ssnm::{
     self, Cause, Info, RecycledSubspace, Sets, SettingsError, Solution, SolveError, Status, Step,
     WarmStart,
 };
-use springs::{OnSprings, Springs, WEAK};
+use springs::{MORE, OnSprings, STIFFER, Springs, WEAK};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -428,6 +428,26 @@ where
         });
     }
 
+    /// The step on springs of this stiffness, and the part of the load that they bear; None if it is not found.
+    fn borne(
+        &mut self,
+        stiffness: f64,
+        lambda: &[f64],
+    ) -> Result<Option<(Solution<D>, Vec<f64>)>, SolveError> {
+        let settings = self.settings.ssnm.clone();
+        let tolerance = settings.tolerance;
+        let solution = self.solve(Some(stiffness), lambda, settings)?;
+        // The forces of a body that moves far are only known to the rounding of its motion; their sum is enough.
+        if solution.status != Status::Converged && !(solution.info.err_relative <= tolerance) {
+            return Ok(None);
+        }
+        let mut forces = self.lawful.load().to_vec();
+        let b = self.lawful.contact_matrix();
+        b.mul_transpose_add(-1.0, &solution.lambda, &mut forces);
+        let borne = self.lawful.floating_bodies().resultants(&forces);
+        Ok(Some((solution, borne)))
+    }
+
     /// The step on weak springs, from the point where it stagnated.
     fn on_springs(&mut self, lambda: &[f64]) -> Result<Springs<D>, SolveError> {
         let own = self.lawful.compliance().iter().zip(lambda);
@@ -442,26 +462,21 @@ where
         if !(load > BALANCED * acting && stiffness.is_normal()) {
             return Ok(Springs::Break);
         }
-        let settings = self.settings.ssnm.clone();
-        let solution = self.solve(Some(stiffness), lambda, settings.clone())?;
-        // The forces of a body that moves far are only known to the rounding of its motion; their sum is enough.
-        let is_found = solution.status == Status::Converged
-            || solution.info.err_relative <= settings.tolerance;
-        if !is_found {
+        let Some((solution, borne)) = self.borne(stiffness, lambda)? else {
             return Ok(Springs::Break);
-        }
-        let mut forces = self.lawful.load().to_vec();
-        let b = self.lawful.contact_matrix();
-        b.mul_transpose_add(-1.0, &solution.lambda, &mut forces);
-        let floating = self.lawful.floating_bodies();
-        let borne = floating.resultants(&forces);
+        };
         if norm(&borne).powi(2) <= stiffness * work {
+            return Ok(Springs::Idle(solution.lambda));
+        }
+        // A body that is held after some way strains stiffer springs more; without a hold they bear the same.
+        let stiffer = self.borne(STIFFER * stiffness, &solution.lambda)?;
+        if stiffer.is_some_and(|(_, more)| norm(&more) > MORE * norm(&borne)) {
             return Ok(Springs::Idle(solution.lambda));
         }
         // Back to where the bodies were.
         let mut u = solution.u;
         let back: Vec<f64> = borne.iter().map(|force| -force / stiffness).collect();
-        floating.add_motion(&back, &mut u);
+        self.lawful.floating_bodies().add_motion(&back, &mut u);
         let mut info = solution.info;
         info.kkt = conditions(&self.lawful, self.dual, &u, &solution.lambda)?;
         Ok(Springs::Bear(Box::new(Solution {

@@ -24,6 +24,11 @@ use std::sync::Arc;
 /// takes 24 to 25 steps and leaves the springs 3.73 to 3.77. With 1e10 one in four no longer converges.
 pub(super) const WEAK: f64 = 1e8;
 
+/// The factor of stiffer springs that tell whether a body is held, and by how much more they then bear at least. The springs of
+/// a body that needs some way bear up to 100 times more, less where they hold it back before it has come there.
+pub(super) const STIFFER: f64 = 100.0;
+pub(super) const MORE: f64 = 2.0;
+
 /// The result for bodies on weak springs.
 pub(super) enum Springs<const D: usize> {
     /// Not found.
