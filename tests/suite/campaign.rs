@@ -96,6 +96,16 @@ fn what_rounding_leaves_is_no_force() {
     }
 }
 
+/// A block without supports along a disc slides far before the disc holds it: that is no body without a hold.
+#[test]
+fn a_body_that_moves_far_is_held() {
+    let problem = problem(98_102_280).or_panic();
+    for way in [Way::Cholesky, Way::Pcg] {
+        let run = run(&problem.trial, way);
+        assert_eq!(run.end, "converged", "{}", way.name());
+    }
+}
+
 #[test]
 #[ignore = "20 000 solves"]
 fn random_solids() {
