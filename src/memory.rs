@@ -12,6 +12,7 @@ pub(crate) fn total_bytes() -> Option<usize> {
 }
 
 /// The largest resident size of this process so far, in MiB, where the system reports it.
+#[cfg(any(feature = "files", feature = "mpi"))]
 pub fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -20,6 +21,7 @@ pub fn peak_memory_mib() -> Option<f64> {
 }
 
 /// Restarts the count of [`peak_memory_mib`] from the memory in use now; false if the system cannot.
+#[cfg(feature = "files")]
 pub fn forget_peak_memory() -> bool {
     // 5 resets the peak of the resident size: proc_pid_clear_refs(5).
     std::fs::write("/proc/self/clear_refs", "5").is_ok()

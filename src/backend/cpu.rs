@@ -142,6 +142,7 @@ impl State {
     }
 
     /// Whether the run is over.
+    #[cfg(feature = "gpu")]
     pub(crate) fn is_done(&self) -> bool {
         self.done
     }

@@ -97,7 +97,7 @@ pub(super) struct Means {
 
 impl Means {
     /// Opens a device for each rank if GPUs are asked for: ranks of one machine take turns with its adapters.
-    pub fn new(group: &Group, options: &EngineOptions) -> Result<Self, MpiError> {
+    pub fn new(_group: &Group, options: &EngineOptions) -> Result<Self, MpiError> {
         if options.stiffness == Stiffness::Cholesky {
             return Err(MpiError::NoFactor);
         }
@@ -111,7 +111,7 @@ impl Means {
             context: match options.place {
                 Device::Gpu => {
                     let gpu = crate::backend::GpuOptions {
-                        turn: group.turn(),
+                        turn: _group.turn(),
                         ..options.gpu.clone()
                     };
                     Some(Context::new(&gpu).map_err(EngineError::from)?)
@@ -131,13 +131,13 @@ enum Cg {
 
 impl Cg {
     fn new(
-        means: &Means,
+        _means: &Means,
         ranks: &Ranks,
         k: &Arc<dyn SquareBlocks>,
         hierarchy: Hierarchy<f32>,
     ) -> Result<Self, PcgError> {
         #[cfg(feature = "gpu")]
-        if let Some(context) = &means.context {
+        if let Some(context) = &_means.context {
             let backend = Gpu::on(context, ranks)?;
             let pcg = Pcg::with_hierarchy(backend, Arc::clone(k), hierarchy)?;
             return Ok(Self::Gpu(Box::new(pcg)));

@@ -337,7 +337,6 @@ where
             stiffness: "pcg",
             costs: Some(costs),
             v_cycles_linear: linear,
-            ..EnginePath::default()
         });
         let peak = self.group.joined(&[peak_memory_mib().unwrap_or(0.0)]);
         self.report.peak_memory_mib = peak.iter().copied().reduce(f64::max).filter(|&v| v > 0.0);
