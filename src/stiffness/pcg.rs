@@ -337,19 +337,14 @@ impl<B: Backend> Pcg<B> {
         tolerance: f64,
         stop: &Stop,
     ) -> Result<(), PcgError> {
+        let length = self.backend.norm(b);
         if !self.is_f64() {
             x.fill(0.0);
-            self.refine(
-                b,
-                self.backend.norm(b),
-                x,
-                Accuracy::Residual(tolerance),
-                stop,
-            )?;
+            self.refine(b, length, x, Accuracy::Residual(tolerance), stop)?;
             return Ok(());
         }
         self.counts.solves += 1;
-        let factor = self.load(b, self.backend.norm(b));
+        let factor = self.load(b, length);
         let run = Run {
             residual_part: tolerance,
             ..Run::default()

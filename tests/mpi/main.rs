@@ -96,7 +96,7 @@ fn the_templates() {
 }
 
 /// Ranks that compute on an adapter each, in both precisions, take the steps of those that compute on their processors, to the
-/// same forces: the plane, space, second order, own levels above those of PETSc, bodies that only contact holds, matrices.
+/// same forces: the plane, space, second order, own levels above those of PETSc, bodies that only contact holds. ([`matrices`] has those of matrices.)
 fn gpus() {
     let place = tempfile::tempdir().expect("a directory");
     let fine = place.path().join("fine.toml");
@@ -114,7 +114,6 @@ fn gpus() {
         (fine.clone(), 2),
         (fine, 1),
         (second, 2),
-        (example("matrices/block.toml"), 2),
     ] {
         let run = |backend: &[&str]| {
             let place = tempfile::tempdir().expect("a directory");
@@ -146,6 +145,8 @@ fn gpus() {
             for [found, expected] in &costs[..2] {
                 assert!((found - expected).abs() <= most, "{costs:?}");
             }
+            let [found, expected] = costs[2];
+            assert!((found - expected).abs() <= 0.1 * expected, "{costs:?}");
             assert!(off <= TOLERANCE, "{off:e}");
         }
     }
@@ -153,17 +154,17 @@ fn gpus() {
 
 /// u and λ of a problem from matrices obey its conditions, which are checked from the files alone.
 fn matrices() {
-    for ranks in [2, 4] {
+    for (ranks, backend) in [(2, "cpu"), (4, "cpu"), (2, "gpu")] {
         let place = tempfile::tempdir().expect("a directory");
         let run = solved(
             Some(ranks),
             &example("matrices/block.toml"),
-            &[],
+            &["--backend", backend],
             place.path(),
         );
         let worst = conditions_of_matrices(&example("matrices"), &run.directory);
         assert!(worst <= 10.0 * TOLERANCE, "{worst:e}");
-        println!("  on {ranks}: conditions to {worst:.1e}");
+        println!("  on {ranks}, {backend}: conditions to {worst:.1e}");
     }
 }
 

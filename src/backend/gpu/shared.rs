@@ -104,9 +104,10 @@ impl Gpu {
     fn summed(&mut self, state: &State, first: u32, count: u32) -> [f64; 2] {
         let (real, precision) = (self.real_bytes(), self.context.precision);
         let mut partials = vec![0.0; 2 * count as usize];
+        let offset = 2 * u64::from(first) * real;
         let wanted = Wanted {
             from: &state.partials,
-            offset: 2 * u64::from(first) * real,
+            offset,
             bytes: 2 * u64::from(count) * real,
         };
         let read = self.read(&[wanted], |bytes| {
@@ -118,7 +119,6 @@ impl Gpu {
         let mut sums = [0, 1].map(|c| partials.iter().skip(c).step_by(2).sum());
         self.ranks.sum(&mut sums);
         let bytes = self.real_array(&sums);
-        let offset = 2 * u64::from(first) * real;
         (self.context.queue).write_buffer(&state.partials.buffer.buffer, offset, &bytes);
         sums
     }
