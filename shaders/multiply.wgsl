@@ -24,31 +24,35 @@ fn main(
         return;
     }
     var total = real(0.0);
-    for (var row = group.x * WIDTH + lane; row < params.count; row += groups.x * WIDTH) {
-        var sum = row_times_x(row);
-        let place = params.first + row;
-        if (params.flags & NEGATE) != 0u {
-            for (var i = 0u; i < ROWS; i++) {
-                sum[i] = -sum[i];
-            }
-        }
-        if (params.flags & (DOT | BASE)) != 0u {
-            let there = load_b(place);
-            for (var i = 0u; i < ROWS; i++) {
-                if (params.flags & DOT) != 0u {
-                    total += real(there[i]) * real(sum[i]);
-                } else {
-                    sum[i] += there[i];
+    let rows = rows_at_a_time();
+    for (var base = group.x * rows; base < params.count; base += groups.x * rows) {
+        let row = base + lane % rows;
+        var sum = times_x(row, lane);
+        if row < params.count && lane < rows {
+            let place = params.first + row;
+            if (params.flags & NEGATE) != 0u {
+                for (var i = 0u; i < ROWS; i++) {
+                    sum[i] = -sum[i];
                 }
             }
-        }
-        if (params.flags & ADD) != 0u {
-            let before = load_y(place);
-            for (var i = 0u; i < ROWS; i++) {
-                sum[i] += before[i];
+            if (params.flags & (DOT | BASE)) != 0u {
+                let there = load_b(place);
+                for (var i = 0u; i < ROWS; i++) {
+                    if (params.flags & DOT) != 0u {
+                        total += real(there[i]) * real(sum[i]);
+                    } else {
+                        sum[i] += there[i];
+                    }
+                }
             }
+            if (params.flags & ADD) != 0u {
+                let before = load_y(place);
+                for (var i = 0u; i < ROWS; i++) {
+                    sum[i] += before[i];
+                }
+            }
+            store_y(place, sum);
         }
-        store_y(place, sum);
     }
     if (params.flags & DOT) != 0u {
         let sum = sum_over_workgroup(lane, real2(total, real(0.0)));

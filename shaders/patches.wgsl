@@ -24,30 +24,38 @@ fn main(
     if state.done != 0u {
         return;
     }
-    for (var row = group.x * WIDTH + lane; row < params.count; row += groups.x * WIDTH) {
-        let place = params.first + row;
-        var step = row_times_x(row);
-        for (var i = 0u; i < ROWS; i++) {
-            step[i] *= params.c2;
-        }
-        if (params.flags & (FIRST | ADD)) == FIRST {
-            store_d(place, step);
-            store_y(place, step);
-            continue;
-        }
-        let before = load_d(place);
-        var moved = load_y(place);
-        var sum = step;
-        for (var i = 0u; i < ROWS; i++) {
-            if (params.flags & ADD) != 0u {
-                sum[i] += before[i];
-                moved[i] += step[i];
-            } else {
-                sum[i] += params.c1 * before[i];
-                moved[i] += sum[i];
+    let rows = rows_at_a_time();
+    for (var base = group.x * rows; base < params.count; base += groups.x * rows) {
+        let row = base + lane % rows;
+        var step = times_x(row, lane);
+        if row < params.count && lane < rows {
+            for (var i = 0u; i < ROWS; i++) {
+                step[i] *= params.c2;
             }
+            moves(params.first + row, step);
         }
-        store_d(place, sum);
-        store_y(place, moved);
     }
+}
+
+/// Moves a block by a step c₂ D⁻¹ r.
+fn moves(place: u32, step: Out) {
+    if (params.flags & (FIRST | ADD)) == FIRST {
+        store_d(place, step);
+        store_y(place, step);
+        return;
+    }
+    let before = load_d(place);
+    var moved = load_y(place);
+    var sum = step;
+    for (var i = 0u; i < ROWS; i++) {
+        if (params.flags & ADD) != 0u {
+            sum[i] += before[i];
+            moved[i] += step[i];
+        } else {
+            sum[i] += params.c1 * before[i];
+            moved[i] += sum[i];
+        }
+    }
+    store_d(place, sum);
+    store_y(place, moved);
 }

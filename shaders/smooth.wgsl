@@ -22,13 +22,17 @@ fn main(
     if state.done != 0u {
         return;
     }
-    for (var row = group.x * WIDTH + lane; row < params.count; row += groups.x * WIDTH) {
-        let place = params.first + row;
-        let product = row_times_x(row);
-        var r = load_b(place);
-        for (var i = 0u; i < ROWS; i++) {
-            r[i] -= product[i];
+    let rows = rows_at_a_time();
+    for (var base = group.x * rows; base < params.count; base += groups.x * rows) {
+        let row = base + lane % rows;
+        let product = times_x(row, lane);
+        if row < params.count && lane < rows {
+            let place = params.first + row;
+            var r = load_b(place);
+            for (var i = 0u; i < ROWS; i++) {
+                r[i] -= product[i];
+            }
+            smoothed(place, diagonal_times(place, r));
         }
-        smoothed(place, diagonal_times(place, r));
     }
 }

@@ -117,10 +117,15 @@ pub struct GpuOptions {
     pub precision: Option<Precision>,
     /// The most bytes of one storage binding to use, below the adapter's own limit.
     pub max_binding: Option<u64>,
+    /// Invocations among which the rows of a matrix are divided; None for as many as keep the adapter busy, or one a row on a
+    /// software adapter.
+    pub least_invocations: Option<usize>,
     /// Bytes of its memory to use at most, if less than the adapter reports.
     pub max_memory: Option<u64>,
     /// Runs the kernels with wgpu's own checks of every index and loop.
     pub checked: bool,
+    /// Kernels can be timed, where the adapter has timestamps.
+    pub timestamps: bool,
     /// Only a real GPU will do, no software adapter.
     pub hardware_only: bool,
     /// The number of this process among those of its machine that take an adapter by these options: where there are

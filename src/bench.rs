@@ -5,7 +5,7 @@
 //! is read once, each output written once.
 
 use crate::backend::cpu::Cpu;
-use crate::backend::gpu::{Context, Gpu, GpuError};
+use crate::backend::gpu::{Context, Gpu, GpuError, KernelTime};
 use crate::backend::{Backend, BackendError, Precision};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
 use crate::output::{forget_peak_memory, peak_memory_mib};
@@ -66,6 +66,8 @@ pub struct Speeds {
     pub set_up: f64,
     /// Kernel launches per iteration.
     pub dispatches: f64,
+    /// Times of each kernel in one more solve of the system, on devices that have timestamps.
+    pub kernels: Vec<KernelTime>,
 }
 
 /// A contact problem solved on one path.
@@ -131,7 +133,7 @@ fn speeds<B: Backend, const D: usize>(
     problem: &ContactProblem<D>,
     copy: f64,
     real: usize,
-) -> Result<Speeds, BenchError> {
+) -> Result<(Speeds, Pcg<B>), BenchError> {
     let k = problem.stiffness();
     let n = k.n_rows();
     let start = Instant::now();
@@ -173,7 +175,7 @@ fn speeds<B: Backend, const D: usize>(
     let seconds = fastest(|| Ok(pcg.solve(problem.load(), &mut u, 1e-8, &Default::default())?))?;
     let iterations = pcg.counts.iterations / pcg.counts.solves;
     let issued = pcg.backend.counters().dispatches - before.dispatches;
-    Ok(Speeds {
+    let speeds = Speeds {
         path,
         n: problem.n_free(),
         copy,
@@ -188,7 +190,9 @@ fn speeds<B: Backend, const D: usize>(
         iterations,
         set_up,
         dispatches: issued as f64 / pcg.counts.iterations as f64,
-    })
+        kernels: Vec::new(),
+    };
+    Ok((speeds, pcg))
 }
 
 /// Bytes per second of a copy in the memory of the CPU on all threads, with buffers beyond every cache.
@@ -212,7 +216,7 @@ fn cpu_copy() -> f64 {
 /// Simple work on the CPU.
 pub fn measure<const D: usize>(problem: &ContactProblem<D>) -> Result<Speeds, BenchError> {
     let cpu = Cpu::<f32>::default();
-    speeds("cpu".to_owned(), cpu, problem, cpu_copy(), 8)
+    Ok(speeds("cpu".to_owned(), cpu, problem, cpu_copy(), 8)?.0)
 }
 
 /// Simple work on a device.
@@ -225,7 +229,12 @@ pub fn measure_gpu<const D: usize>(
     let real = context.precision.bytes();
     let path = format!("gpu {}", context.precision);
     // In f32 a solve to 1e-8 consists of corrections, but each iteration is PCG in f32.
-    speeds(path, gpu, problem, copy, real)
+    let (mut speeds, mut pcg) = speeds(path, gpu, problem, copy, real)?;
+    pcg.backend.time_kernels()?;
+    let mut u = vec![0.0; problem.stiffness().n_rows()];
+    pcg.solve(problem.load(), &mut u, 1e-8, &Default::default())?;
+    speeds.kernels = pcg.backend.kernel_times();
+    Ok(speeds)
 }
 
 /// A way to solve.

@@ -15,6 +15,8 @@ struct Params {
     columns: u32,
     /// Options of a kernel: see its head.
     flags: u32,
+    /// Invocations that share a block row.
+    lanes: u32,
     /// Coefficients of the smoother.
     c1: f32,
     c2: f32,

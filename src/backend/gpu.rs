@@ -17,11 +17,13 @@ mod layout;
 mod products;
 mod queue;
 mod shared;
+mod timing;
 
 pub use arrays::{
     DenseMatrix, LevelDiagonal, LevelMatrix, LevelVector, Matrix, Rows, State, Vector,
 };
 pub use context::{AdapterSummary, Context, GpuError, adapters};
+pub use timing::KernelTime;
 
 use super::{Backend, BackendError, Precision, Product, Progress, Run, cpu};
 use crate::control::Counters;
@@ -29,7 +31,7 @@ use crate::ranks::Ranks;
 use crate::sparse::Csr;
 use crate::sparse::stored::{BlockMatrix, Dense, SquareBlocks};
 use buffers::{Allocation, Handle, read_reals};
-use kernels::{Kernel, Shape, flag};
+use kernels::{Kernel, Lanes, Shape, flag};
 use layout::segments;
 use queue::{Command, Wanted};
 use std::collections::{HashMap, VecDeque};
@@ -66,12 +68,13 @@ struct Params {
     n_read: u32,
     columns: u32,
     flags: u32,
+    lanes: u32,
     steps: [f32; 2],
 }
 
 impl Params {
     /// Their words in a uniform buffer.
-    fn words(self) -> [u32; 9] {
+    fn words(self) -> [u32; 10] {
         let [c1, c2] = self.steps.map(f32::to_bits);
         [
             self.count,
@@ -81,6 +84,7 @@ impl Params {
             self.n_read,
             self.columns,
             self.flags,
+            self.lanes,
             c1,
             c2,
         ]
@@ -101,12 +105,13 @@ pub struct Gpu {
     recorded_start: bool,
     in_flight: VecDeque<wgpu::SubmissionIndex>,
     bind_groups: HashMap<(Kernel, [u64; 9]), wgpu::BindGroup>,
-    uniforms: HashMap<[u32; 9], Handle>,
+    uniforms: HashMap<[u32; 10], Handle>,
     gone: Arc<Mutex<Vec<u64>>>,
     /// The state of a run that never ends, for products outside CG.
     idle: Handle,
     idle_partials: Handle,
     staging: Option<Handle>,
+    times: Option<timing::Times>,
     next_id: u64,
     counters: Counters,
 }
@@ -137,6 +142,7 @@ impl Gpu {
             uniforms: HashMap::new(),
             gone,
             staging: None,
+            times: None,
             next_id: 2,
             counters: Counters::default(),
         })
@@ -275,14 +281,13 @@ impl Backend for Gpu {
         assert_eq!(from.len, to.len);
         for (from, to) in from.segments.iter().zip(&to.segments) {
             let (from, to) = (Arc::clone(&from.data), Arc::clone(&to.data));
-            self.commands.push(Command::Copy(from, to));
+            self.record(Command::Copy(from, to));
         }
     }
 
     fn clear(&mut self, x: &mut Vector) {
         for segment in &x.segments {
-            self.commands
-                .push(Command::Clear(Arc::clone(&segment.data)));
+            self.record(Command::Clear(Arc::clone(&segment.data)));
         }
     }
 
@@ -613,6 +618,7 @@ impl Backend for Gpu {
                 count: part.count,
                 first: part.first,
                 columns: part.columns,
+                lanes: part.lanes,
                 steps,
                 ..Params::default()
             };
@@ -626,7 +632,7 @@ impl Backend for Gpu {
                 &d.segments[0].data,
                 &x_next.segments[0].data,
             ];
-            let kernel = Kernel::Smooth(a.shape);
+            let kernel = Kernel::Smooth(a.shape, Lanes::of(part.lanes));
             self.dispatch(kernel, params, &buffers, part.groups, part.bytes);
         }
     }

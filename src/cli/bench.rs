@@ -61,6 +61,9 @@ pub fn run(arguments: &BenchArguments) -> Result<u8, String> {
     };
     print(&speeds_table(&speeds))?;
     print(&rows_table(&rows))?;
+    for speeds in &speeds {
+        print(&kernels_table(speeds))?;
+    }
     let fits = fits(&rows);
     if !fits.is_empty() {
         print("Seconds grow with n to the power of:\n")?;
@@ -189,7 +192,10 @@ fn measure<const D: usize>(
 
 /// The device in every precision that was not excluded; empty without an adapter, unless one was named.
 fn contexts(arguments: &BenchArguments) -> Result<Vec<Arc<Context>>, String> {
-    let options = arguments.gpu.options();
+    let options = GpuOptions {
+        timestamps: true,
+        ..arguments.gpu.options()
+    };
     let named = options.adapter.is_some();
     let first = match Context::new(&options) {
         Ok(context) => context,
@@ -238,6 +244,41 @@ fn speeds_table(speeds: &[Speeds]) -> String {
             s.iterations,
             s.set_up,
             s.dispatches,
+        );
+    }
+    text + "\n"
+}
+
+/// The kernels of an iteration, the slowest first; empty without times.
+fn kernels_table(speeds: &Speeds) -> String {
+    if speeds.kernels.is_empty() {
+        return String::new();
+    }
+    let total: f64 = speeds.kernels.iter().map(|k| k.seconds).sum();
+    let mut text = format!(
+        "{}, n = {}, {} iterations\n{:18} {:>9}  {:>9}  {:>10}  {:>6}  {:>8}  {:>6}\n",
+        speeds.path,
+        speeds.n,
+        speeds.iterations,
+        "kernel",
+        "rows",
+        "launch/it",
+        "µs/launch",
+        "time %",
+        "GB/s",
+        "copy %"
+    );
+    for k in &speeds.kernels {
+        let rate = k.bytes as f64 / k.seconds.max(1e-12);
+        text += &format!(
+            "{:18} {:9}  {:9.1}  {:10.2}  {:6.1}  {:8.1}  {:6.0}\n",
+            k.kernel,
+            k.count,
+            k.dispatches as f64 / speeds.iterations.max(1) as f64,
+            1e6 * k.seconds / k.dispatches as f64,
+            100.0 * k.seconds / total,
+            rate / 1e9,
+            100.0 * rate / speeds.copy,
         );
     }
     text + "\n"

@@ -141,11 +141,11 @@ fn case_c_on_a_gpu_is_that_of_the_cpu() {
     let problem = problem(&CASE_C, 4, SolidShape::Hexahedron);
     let mut cpu = engine(&problem, on(Stiffness::Cholesky));
     let (_, expected) = counts(&problem, &mut cpu, 1.0, &[1e-6]);
-    for (precision, max_binding) in [
-        (Precision::F64, None),
-        (Precision::F32, None),
-        (Precision::F64, Some(256 << 10)),
-        (Precision::F32, Some(256 << 10)),
+    for (precision, max_binding, least_invocations) in [
+        (Precision::F64, None, Some(1 << 17)),
+        (Precision::F32, None, None),
+        (Precision::F64, Some(256 << 10), None),
+        (Precision::F32, Some(256 << 10), Some(1 << 17)),
     ] {
         let options = EngineOptions {
             place: Device::Gpu,
@@ -153,6 +153,7 @@ fn case_c_on_a_gpu_is_that_of_the_cpu() {
             gpu: GpuOptions {
                 precision: Some(precision),
                 max_binding,
+                least_invocations,
                 ..Default::default()
             },
             ..Default::default()

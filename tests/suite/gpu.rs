@@ -17,11 +17,32 @@ use std::sync::Arc;
 
 pub const PRECISIONS: [Precision; 2] = [Precision::F64, Precision::F32];
 
+/// Invocations of a device: one a row, as on a software adapter, and many that share rows, as on a real GPU.
+pub const INVOCATIONS: [Option<usize>; 2] = [None, Some(1 << 17)];
+
+/// All pairs.
+pub fn each<A: Copy, B: Copy, const N: usize, const M: usize>(
+    a: [A; N],
+    b: [B; M],
+) -> impl Iterator<Item = (A, B)> {
+    a.into_iter().flat_map(move |a| b.map(|b| (a, b)))
+}
+
 /// A device with all checks of the kernels on.
 pub fn context(precision: Precision, max_binding: Option<u64>) -> Arc<Context> {
+    device(precision, max_binding, None)
+}
+
+/// As [`context`], with a device that wants at least so many invocations.
+pub fn device(
+    precision: Precision,
+    max_binding: Option<u64>,
+    least_invocations: Option<usize>,
+) -> Arc<Context> {
     let options = GpuOptions {
         precision: Some(precision),
         max_binding,
+        least_invocations,
         checked: true,
         ..Default::default()
     };

@@ -54,6 +54,8 @@ pub(super) struct BlockPart {
     pub(super) count: u32,
     pub(super) adds: bool,
     pub(super) columns: u32,
+    /// Invocations of a block row.
+    pub(super) lanes: u32,
     pub(super) structure: Handle,
     pub(super) values: Handle,
     pub(super) groups: u32,
@@ -218,6 +220,7 @@ impl Gpu {
                 bytemuck::cast_slice(&structure),
                 bytemuck::cast_slice(&values),
             );
+            let lanes = self.context.lanes(layout.count, layout.longest());
             let vectors = layout.count * source.block[0] * 2 * size_of::<V>();
             parts.push(BlockPart {
                 row_segment: layout.row_segment,
@@ -226,7 +229,8 @@ impl Gpu {
                 count: layout.count as u32,
                 adds: layout.adds,
                 columns: layout.columns_start() as u32,
-                groups: self.groups(layout.count as u32, share),
+                lanes,
+                groups: self.groups(layout.count as u32 * lanes, share),
                 bytes: (structure.len() + values.len() + vectors) as u64,
                 structure: self.upload_bytes(what, structure)?,
                 values: self.upload_bytes(what, values)?,

@@ -68,6 +68,8 @@ impl fmt::Display for AdapterSummary {
     }
 }
 
+/// Invocations that keep a GPU busy: half of what the largest ones hold. With fewer, their memory waits.
+const BUSY: usize = 1 << 17;
 /// Storage buffers that a kernel binds at most.
 const STORAGE_BUFFERS: u32 = 8;
 
@@ -193,6 +195,7 @@ pub struct Context {
     /// Submissions left until the device is lost on purpose.
     left: Mutex<Option<usize>>,
     max_binding: u64,
+    least_invocations: Option<usize>,
     /// The adapter taken.
     pub adapter: AdapterSummary,
     /// The reason for this choice.
@@ -222,9 +225,11 @@ impl Context {
             None if summary.f64 => Precision::F64,
             None => Precision::F32,
         };
+        let mut wanted = wgpu::Features::SHADER_F64;
+        wanted.set(wgpu::Features::TIMESTAMP_QUERY, options.timestamps);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("signorini"),
-            required_features: adapter.features() & wgpu::Features::SHADER_F64,
+            required_features: adapter.features() & wanted,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()
@@ -265,6 +270,7 @@ impl Context {
                 .unwrap_or(u64::MAX)
                 .min(limits.max_storage_buffer_binding_size)
                 .min(limits.max_buffer_size),
+            least_invocations: options.least_invocations,
             device,
             queue,
             kernels,
@@ -302,6 +308,17 @@ impl Context {
     /// up the partial sums of all.
     pub(super) fn max_groups(&self) -> u32 {
         if self.adapter.is_software { 32 } else { 1024 }
+    }
+
+    /// Invocations that share each of `count` block rows of a matrix whose longest has so many blocks: a power of two.
+    pub(super) fn lanes(&self, count: usize, longest: usize) -> u32 {
+        let busy = match self.least_invocations {
+            Some(least) => least,
+            None if self.adapter.is_software => 0,
+            None => BUSY,
+        };
+        let most = (busy / count.max(1)).min(longest / 2).min(WIDTH as usize);
+        1 << most.max(1).ilog2()
     }
 
     /// Refuses data that exceed the adapter's memory beside existing allocations.

@@ -6,7 +6,7 @@
 use super::layout::SLICE;
 use crate::backend::{BackendError, Precision};
 use std::collections::HashMap;
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::sync::{Mutex, PoisonError};
 
 /// Invocations of a workgroup.
@@ -87,10 +87,46 @@ pub(super) enum Kernel {
     Rows,
     Add,
     Dense,
-    Multiply(Scalar, Shape),
-    Smooth(Shape),
+    Multiply(Scalar, Shape, Lanes),
+    Smooth(Shape, Lanes),
     Diagonal(Shape),
-    Patches(Shape),
+    Patches(Shape, Lanes),
+}
+
+/// The invocations of a block row of a matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Lanes {
+    One,
+    Several,
+}
+
+impl Lanes {
+    /// This many.
+    pub fn of(lanes: u32) -> Self {
+        if lanes > 1 { Self::Several } else { Self::One }
+    }
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::One => include_str!("../../../shaders/shared/narrow.wgsl"),
+            Self::Several => include_str!("../../../shaders/shared/wide.wgsl"),
+        }
+    }
+}
+
+impl fmt::Display for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(self.name())?;
+        let (real, Shape { rows, columns }, lanes) = match self {
+            Self::Multiply(scalar, shape, lanes) => (*scalar == Scalar::Real, shape, *lanes),
+            Self::Smooth(shape, lanes) | Self::Patches(shape, lanes) => (false, shape, *lanes),
+            Self::Diagonal(shape) => (false, shape, Lanes::One),
+            _ => return Ok(()),
+        };
+        let what = if real { " K" } else { "" };
+        let shared = if lanes == Lanes::One { "" } else { " shared" };
+        write!(f, "{what} {rows}×{columns}{shared}")
+    }
 }
 
 impl Kernel {
@@ -107,9 +143,9 @@ impl Kernel {
             Self::Add => "add",
             Self::Dense => "dense",
             Self::Multiply(..) => "multiply",
-            Self::Smooth(_) => "smooth",
+            Self::Smooth(..) => "smooth",
             Self::Diagonal(_) => "diagonal",
-            Self::Patches(_) => "patches",
+            Self::Patches(..) => "patches",
         }
     }
 
@@ -126,25 +162,27 @@ impl Kernel {
             Self::Rows => include_str!("../../../shaders/rows.wgsl"),
             Self::Dense => include_str!("../../../shaders/dense.wgsl"),
             Self::Multiply(..) => include_str!("../../../shaders/multiply.wgsl"),
-            Self::Smooth(_) => include_str!("../../../shaders/smooth.wgsl"),
+            Self::Smooth(..) => include_str!("../../../shaders/smooth.wgsl"),
             Self::Diagonal(_) => include_str!("../../../shaders/diagonal.wgsl"),
-            Self::Patches(_) => include_str!("../../../shaders/patches.wgsl"),
+            Self::Patches(..) => include_str!("../../../shaders/patches.wgsl"),
         }
     }
 
     /// Its declarations for the shape of the blocks.
     fn generated(self, precision: Precision) -> String {
         match self {
-            Self::Multiply(scalar, shape) => {
+            Self::Multiply(scalar, shape, lanes) => {
                 types(shape, scalar)
                     + &product(shape, shape.group(scalar, precision))
+                    + lanes.text()
                     + &load("b", shape.rows)
                     + &load("y", shape.rows)
                     + &store("y", shape.rows)
             }
-            Self::Smooth(shape) => {
+            Self::Smooth(shape, lanes) => {
                 types(shape, Scalar::Single)
                     + &product(shape, shape.group(Scalar::Single, precision))
+                    + lanes.text()
                     + &diagonal(shape.rows)
                     + &["b", "x", "d"].map(|name| load(name, shape.rows)).concat()
                     + &["d", "x_next"].map(|name| store(name, shape.rows)).concat()
@@ -159,9 +197,10 @@ impl Kernel {
                     + &["d", "x_next"].map(|name| store(name, shape.rows)).concat()
                     + SMOOTHER
             }
-            Self::Patches(shape) => {
+            Self::Patches(shape, lanes) => {
                 types(shape, Scalar::Single)
                     + &product(shape, shape.group(Scalar::Single, precision))
+                    + lanes.text()
                     + &["d", "y"].map(|name| load(name, shape.rows)).concat()
                     + &["d", "y"].map(|name| store(name, shape.rows)).concat()
             }
@@ -176,9 +215,9 @@ impl Kernel {
             Self::Rows
                 | Self::Add
                 | Self::Dense
-                | Self::Smooth(_)
+                | Self::Smooth(..)
                 | Self::Diagonal(_)
-                | Self::Patches(_)
+                | Self::Patches(..)
         )
     }
 
@@ -226,8 +265,8 @@ fn types(shape: Shape, scalar: Scalar) -> String {
     )
 }
 
-/// (M x) at a block row of a part, for M in slices of 32 block rows, column by column inside a slice; `group` entries
-/// of a block are adjacent.
+/// The sum over every `stride`th block from `first` on of a block row of M x, for M in slices of 32 block rows, column by column
+/// inside a slice; `group` entries of a block are adjacent.
 fn product(shape: Shape, group: usize) -> String {
     let Shape { rows, columns } = shape;
     let groups = rows * columns / group;
@@ -239,7 +278,9 @@ fn product(shape: Shape, group: usize) -> String {
         1 => String::new(),
         _ => format!(".{}", ["x", "y", "z", "w"][e % size]),
     };
-    let mut text = format!("alias Stored = {stored};\nfn row_times_x(row: u32) -> Out {{\n");
+    let mut text = format!(
+        "alias Stored = {stored};\nfn row_times_x(row: u32, first: u32, stride: u32) -> Out {{\n"
+    );
     put(
         &mut text,
         format_args!(
@@ -252,7 +293,7 @@ fn product(shape: Shape, group: usize) -> String {
     put(
         &mut text,
         format_args!(
-            "    for (var slot = structure[row / {SLICE}u]; slot < end; slot += {SLICE}u) {{\n        \
+            "    for (var slot = structure[row / {SLICE}u] + {SLICE}u * first; slot < end; slot += {SLICE}u * stride) {{\n        \
              let column = structure[params.columns + slot + lane];\n        let at = {groups}u * slot + lane;\n"
         ),
     );
@@ -420,12 +461,17 @@ mod tests {
         let shapes = Shape::ALL.map(|block| Shape::of(block).expect("one of them"));
         let mut all = vec![Start, Begin, Step, Check, Dot, Direction, Rows, Add, Dense];
         for shape in shapes {
-            all.extend([
-                Multiply(Scalar::Real, shape),
-                Multiply(Scalar::Single, shape),
-            ]);
+            for lanes in [Lanes::One, Lanes::Several] {
+                all.extend([
+                    Multiply(Scalar::Real, shape, lanes),
+                    Multiply(Scalar::Single, shape, lanes),
+                ]);
+                if shape.rows == shape.columns {
+                    all.extend([Smooth(shape, lanes), Patches(shape, lanes)]);
+                }
+            }
             if shape.rows == shape.columns {
-                all.extend([Smooth(shape), Diagonal(shape), Patches(shape)]);
+                all.push(Diagonal(shape));
             }
         }
         all
@@ -496,8 +542,8 @@ mod tests {
                 Kernel::Rows | Kernel::Add => &["y"],
                 Kernel::Dense => &["x"],
                 Kernel::Multiply(..) => &["y", "partials"],
-                Kernel::Smooth(_) | Kernel::Diagonal(_) => &["d", "x_next"],
-                Kernel::Patches(_) => &["d", "y"],
+                Kernel::Smooth(..) | Kernel::Diagonal(_) => &["d", "x_next"],
+                Kernel::Patches(..) => &["d", "y"],
             };
             assert_eq!(written, expected, "{kernel:?}");
         }
@@ -527,6 +573,7 @@ mod tests {
             ("n_read", std::mem::offset_of!(Params, n_read)),
             ("columns", std::mem::offset_of!(Params, columns)),
             ("flags", std::mem::offset_of!(Params, flags)),
+            ("lanes", std::mem::offset_of!(Params, lanes)),
             ("c1", std::mem::offset_of!(Params, steps)),
             ("c2", std::mem::offset_of!(Params, steps) + 4),
         ];

@@ -65,6 +65,13 @@ impl Part {
         self.slices.last().copied().unwrap_or(0).into()
     }
 
+    /// Blocks of the longest row.
+    pub fn longest(&self) -> usize {
+        let slices = self.slices.windows(2);
+        let longest = slices.map(|ends| (ends[1] - ends[0]) as usize / SLICE);
+        longest.max().unwrap_or(0)
+    }
+
     /// The start of the columns in the structure, after the slices.
     pub fn columns_start(&self) -> usize {
         self.slices.len()

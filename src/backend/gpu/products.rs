@@ -2,7 +2,7 @@
 
 use super::arrays::{Blocks, LevelDiagonal, State, Vector};
 use super::buffers::Handle;
-use super::kernels::{Kernel, flag};
+use super::kernels::{Kernel, Lanes, flag};
 use super::{Gpu, Params};
 
 impl Gpu {
@@ -28,6 +28,7 @@ impl Gpu {
                 first: part.first,
                 first_partial,
                 columns: part.columns,
+                lanes: part.lanes,
                 flags,
                 ..Params::default()
             };
@@ -46,7 +47,7 @@ impl Gpu {
                 &y.segments[part.row_segment].data,
                 partials,
             ];
-            let kernel = Kernel::Multiply(m.scalar, m.shape);
+            let kernel = Kernel::Multiply(m.scalar, m.shape, Lanes::of(part.lanes));
             self.dispatch(kernel, params, &buffers, part.groups, part.bytes);
             first_partial += part.groups;
         }
@@ -106,6 +107,7 @@ impl Gpu {
                 count: part.count,
                 first: part.first,
                 columns: part.columns,
+                lanes: part.lanes,
                 flags: params.flags | if part.adds { flag::ADD } else { 0 },
                 ..params
             };
@@ -117,7 +119,7 @@ impl Gpu {
                 &d.segments[part.row_segment].data,
                 &x.segments[part.row_segment].data,
             ];
-            let kernel = Kernel::Patches(patches.shape);
+            let kernel = Kernel::Patches(patches.shape, Lanes::of(part.lanes));
             self.dispatch(kernel, params, &buffers, part.groups, part.bytes);
         }
     }

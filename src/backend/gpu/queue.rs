@@ -3,6 +3,7 @@
 use super::arrays::State;
 use super::buffers::Handle;
 use super::kernels::Kernel;
+use super::timing::Work;
 use super::{Gpu, PIECE_BYTES, Params, STATE_BYTES};
 use crate::backend::{BackendError, Precision, Run};
 use std::collections::HashSet;
@@ -12,8 +13,10 @@ use wgpu::BufferUsages;
 
 /// Sets of parameters that are kept on the device at most: a hierarchy has some hundred.
 const MOST_UNIFORMS: usize = 4096;
-/// Submissions under way at most.
-const IN_FLIGHT: usize = 3;
+/// Submissions under way at most: one computes while the next one waits for it, and the host records a third.
+const IN_FLIGHT: usize = 2;
+/// Commands of a submission at most. A device waits while the host records the first ones: 64 take it about 0.1 ms.
+pub(super) const MOST_COMMANDS: usize = 64;
 
 /// Bytes of a buffer to bring to the host.
 pub(super) struct Wanted<'a> {
@@ -28,6 +31,7 @@ pub(super) enum Command {
         pipeline: wgpu::ComputePipeline,
         bind_group: wgpu::BindGroup,
         groups: u32,
+        work: Work,
     },
     Copy(Handle, Handle),
     Clear(Handle),
@@ -106,17 +110,34 @@ impl Gpu {
             })
             .clone();
         self.counters.dispatches += 1;
-        self.commands.push(Command::Dispatch {
+        self.record(Command::Dispatch {
             pipeline,
             bind_group,
             groups,
+            work: Work {
+                kernel,
+                count: params.count,
+                bytes,
+            },
         });
         self.recorded_bytes += bytes;
         // Far below two seconds even at a tenth of the bandwidth of such a device.
-        let most = if context.adapter.is_software { 1 } else { 4 } << 30;
+        let most = if self.context.adapter.is_software {
+            1
+        } else {
+            4
+        } << 30;
         if self.recorded_bytes > most {
             self.submit(None);
         }
+    }
+
+    /// Records a command, after a submission where many have been recorded.
+    pub(super) fn record(&mut self, command: Command) {
+        if self.commands.len() == MOST_COMMANDS {
+            self.submit(None);
+        }
+        self.commands.push(command);
     }
 
     /// Submits the recorded commands to the device, with copies to the host at the end.
@@ -125,8 +146,9 @@ impl Gpu {
             return;
         }
         self.forget();
-        let context = &self.context;
+        let context = Arc::clone(&self.context);
         let mut encoder = context.device.create_command_encoder(&Default::default());
+        let mut dispatched = Vec::new();
         let mut commands = self.commands.drain(..).peekable();
         while let Some(command) = commands.next() {
             match command {
@@ -136,18 +158,33 @@ impl Gpu {
                 }
                 Command::Clear(handle) => encoder.clear_buffer(&handle.buffer.buffer, 0, None),
                 first @ Command::Dispatch { .. } => {
-                    let mut pass = encoder.begin_compute_pass(&Default::default());
+                    let at = 2 * dispatched.len() as u32;
+                    let timestamp_writes =
+                        (self.times.as_ref()).map(|times| wgpu::ComputePassTimestampWrites {
+                            query_set: &times.set,
+                            beginning_of_pass_write_index: Some(at),
+                            end_of_pass_write_index: Some(at + 1),
+                        });
+                    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                        label: None,
+                        timestamp_writes,
+                    });
                     let mut next = Some(first);
                     while let Some(Command::Dispatch {
                         pipeline,
                         bind_group,
                         groups,
+                        work,
                     }) = &next
                     {
                         pass.set_pipeline(pipeline);
                         pass.set_bind_group(0, bind_group, &[]);
                         pass.dispatch_workgroups(*groups, 1, 1);
-                        next = commands.next_if(|c| matches!(c, Command::Dispatch { .. }));
+                        dispatched.push(*work);
+                        // One pass for each dispatch where it is timed.
+                        next = commands.next_if(|c| {
+                            self.times.is_none() && matches!(c, Command::Dispatch { .. })
+                        });
                     }
                 }
             }
@@ -165,8 +202,13 @@ impl Gpu {
                 to += wanted.bytes;
             }
         }
+        drop(commands);
+        if let Some(times) = &self.times {
+            times.resolve(&mut encoder, dispatched.len());
+        }
         context.submitting();
         let index = context.queue.submit([encoder.finish()]);
+        self.add_times(&dispatched);
         self.counters.submissions += 1;
         self.recorded_bytes = 0;
         self.recorded_start = false;

@@ -1,6 +1,6 @@
 //! Each kernel, compared with the same method in Rust.
 
-use super::{PRECISIONS, context, one_body};
+use super::{INVOCATIONS, PRECISIONS, context, device, each, one_body};
 use crate::common::Random;
 use crate::common::or_panic::OrPanic as _;
 use signorini::backend::cpu::Cpu;
@@ -367,14 +367,14 @@ fn runs_are_followed_as_on_the_cpu() {
 
 #[test]
 fn kernels_at_awkward_sizes() {
-    for precision in PRECISIONS {
-        let context = context(precision, None);
+    for (precision, invocations) in each(PRECISIONS, INVOCATIONS) {
+        let context = device(precision, None, invocations);
         let mut random = Random(7);
         for n in [
             1, 2, 3, 7, 8, 9, 31, 32, 33, 63, 64, 65, 127, 128, 129, 255, 256, 257, 1000, 4099,
         ] {
             let gpu = || Gpu::new(&context).or_panic();
-            let what = format!("{n} block rows");
+            let what = format!("{n} block rows, invocations {invocations:?}");
             compare(&data::<2>(n, n == 257, &mut random), gpu(), &what);
             compare(&data::<3>(n, n == 257, &mut random), gpu(), &what);
         }
@@ -384,9 +384,9 @@ fn kernels_at_awkward_sizes() {
 #[test]
 fn kernels_on_vectors_and_matrices_in_pieces() {
     // 16 KiB a binding: 576 unknowns a segment, 8 blocks a row of a slice of K in blocks of 3 and f64.
-    for precision in PRECISIONS {
+    for (precision, invocations) in each(PRECISIONS, INVOCATIONS) {
         for (bytes, n) in [(16 << 10, 1500), (64 << 10, 4100), (48 << 10, 3072)] {
-            let context = context(precision, Some(bytes));
+            let context = device(precision, Some(bytes), invocations);
             let mut random = Random(11);
             let gpu = || Gpu::new(&context).or_panic();
             let what = format!("{n} block rows in bindings of {bytes} bytes");

@@ -1,7 +1,7 @@
 //! Kernels of the levels of multigrid, and systems solved with it.
 
 use super::kernels::{RUN, assert_close, number, numbers};
-use super::{PRECISIONS, context, one_body};
+use super::{INVOCATIONS, PRECISIONS, context, device, each, one_body};
 use crate::common::Random;
 use crate::common::or_panic::OrPanic as _;
 use signorini::backend::cpu::Cpu;
@@ -228,10 +228,10 @@ pub fn compare_levels<const D: usize, const M: usize>(
 
 #[test]
 fn kernels_of_the_levels_at_awkward_sizes() {
-    for precision in PRECISIONS {
+    for (precision, invocations) in each(PRECISIONS, INVOCATIONS) {
         // 1344 unknowns a segment, and slices of this many columns, in the small one.
         for (max_binding, longest) in [(None, usize::MAX), (Some(32 << 10), 6)] {
-            let context = context(precision, max_binding);
+            let context = device(precision, max_binding, invocations);
             for rows in [1, 2, 31, 32, 33, 64, 127, 128, 129, 257, 1001] {
                 compare_levels::<2, 2>(&context, rows, longest);
                 compare_levels::<2, 3>(&context, rows, longest);
