@@ -175,6 +175,16 @@ pub struct Run {
     pub to_come: f64,
 }
 
+impl Run {
+    /// The estimate of eᵀKe from the last iterations.
+    pub(crate) fn remaining_of(&self, progress: &Progress) -> f64 {
+        match progress.recent_terms {
+            0 | 1 => progress.recent * self.to_come,
+            _ => progress.recent,
+        }
+    }
+}
+
 impl Default for Run {
     /// Starts from zero and has no goal.
     fn default() -> Self {

@@ -4,7 +4,7 @@
 //! lower limit: the bytes that the algorithm must move at the bandwidth of a copy measured in the same run. Each input
 //! is read once, each output written once.
 
-use crate::backend::cpu::Cpu;
+use crate::backend::cpu::{self, Cpu};
 use crate::backend::gpu::{Context, Gpu, GpuError, KernelTime};
 use crate::backend::{Backend, BackendError, Precision};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
@@ -18,7 +18,7 @@ use crate::stiffness::pcg::{Pcg, PcgError};
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A benchmark could not be run.
 #[derive(Debug, thiserror::Error)]
@@ -50,7 +50,7 @@ pub struct Speeds {
     pub path: String,
     /// Unknowns.
     pub n: usize,
-    /// Bytes per second of a copy, read and written bytes added up.
+    /// Bytes per second of a copy or, on a device, of y += x, read and written bytes added up.
     pub copy: f64,
     /// Bytes per second of y −= K x.
     pub product: f64,
@@ -112,6 +112,8 @@ pub struct Row {
     pub peak_memory_mib: Option<f64>,
 }
 
+/// Bytes of the vectors that measure the bandwidth, beyond every cache.
+const COPIED: usize = 256 << 20;
 /// Repetitions of simple work between two looks at the clock.
 const REPEATS: usize = 20;
 
@@ -195,28 +197,11 @@ fn speeds<B: Backend, const D: usize>(
     Ok((speeds, pcg))
 }
 
-/// Bytes per second of a copy in the memory of the CPU on all threads, with buffers beyond every cache.
-fn cpu_copy() -> f64 {
-    use rayon::prelude::*;
-    const LEN: usize = 1 << 25;
-    let from = vec![1.0f64; LEN];
-    let mut to = vec![0.0f64; LEN];
-    let mut best = f64::INFINITY;
-    for _ in 0..5 {
-        let start = Instant::now();
-        to.par_chunks_mut(1 << 20)
-            .zip(from.par_chunks(1 << 20))
-            .for_each(|(to, from)| to.copy_from_slice(from));
-        best = best.min(start.elapsed().as_secs_f64());
-    }
-    std::hint::black_box(&to);
-    (2 * 8 * LEN) as f64 / best
-}
-
 /// Simple work on the CPU.
 pub fn measure<const D: usize>(problem: &ContactProblem<D>) -> Result<Speeds, BenchError> {
     let cpu = Cpu::<f32>::default();
-    Ok(speeds("cpu".to_owned(), cpu, problem, cpu_copy(), 8)?.0)
+    let copy = cpu::copy_bandwidth(COPIED);
+    Ok(speeds("cpu".to_owned(), cpu, problem, copy, 8)?.0)
 }
 
 /// Simple work on a device.
@@ -225,7 +210,14 @@ pub fn measure_gpu<const D: usize>(
     context: &Arc<Context>,
 ) -> Result<Speeds, BenchError> {
     let mut gpu = Gpu::new(context)?;
-    let copy = gpu.copy_bandwidth()?;
+    // Enough for an idle device to wake up.
+    let time = Duration::from_millis(300);
+    let copied = if context.adapter.is_software {
+        COPIED / 4
+    } else {
+        COPIED
+    };
+    let copy = gpu.speed(copied as u64, time)?.bandwidth;
     let real = context.precision.bytes();
     let path = format!("gpu {}", context.precision);
     // In f32 a solve to 1e-8 consists of corrections, but each iteration is PCG in f32.

@@ -84,6 +84,8 @@ pub struct SolveCounts {
     pub solves: usize,
     /// Iterations, each with one application of the preconditioner.
     pub iterations: usize,
+    /// Iterations asked of a device: those after the end of a run have no effect, but take a little time.
+    pub issued: usize,
 }
 
 /// The work of a backend so far; all zero on the CPU.

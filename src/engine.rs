@@ -2,7 +2,9 @@
 
 use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
-use crate::backend::gpu::{Context, Gpu, GpuError};
+use crate::backend::cpu::copy_bandwidth;
+#[cfg(feature = "gpu")]
+use crate::backend::gpu::{Context, Gpu, GpuError, Speed};
 use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
@@ -13,6 +15,8 @@ use crate::ssnm::RecycledSubspace;
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::{PcgError, Preconditioner};
 use std::sync::Arc;
+#[cfg(feature = "gpu")]
+use std::time::Duration;
 
 /// The device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,8 +78,22 @@ pub enum EngineError {
     Pcg(#[from] PcgError),
 }
 
-/// From this number of unknowns on, a GPU is worth its launches in `Auto`.
+/// From this number of unknowns on, `Auto` opens a GPU to find out whether it is faster; it takes about half a second.
 const WORTH_A_GPU: usize = 50_000;
+/// An iteration with its V-cycle moves the bytes of K in f64 about this many times: 4 with hexahedra, 7 with quadrilaterals
+/// (`signorini bench`).
+#[cfg(feature = "gpu")]
+const PASSES: f64 = 5.0;
+/// Launches of an iteration with its V-cycle: 26 to 60 there.
+#[cfg(feature = "gpu")]
+const LAUNCHES: f64 = 45.0;
+/// The time of f32 relative to that of f64, because of its corrections and of the residuals that the host makes: 1 to 2.4 on an
+/// H100.
+#[cfg(feature = "gpu")]
+const SINGLE: f64 = 1.5;
+/// Bytes of the vectors that measure a bandwidth: beyond the caches of all but the largest processors.
+#[cfg(feature = "gpu")]
+const MEASURED: usize = 64 << 20;
 
 /// Seconds of the factorisation for an operation and, with ordering and solves, for an unknown. Then seconds of the
 /// whole iterative path for an unknown of the plane and of space, shared by up to this many threads. Measured with the
@@ -592,7 +610,16 @@ fn on_gpu<const D: usize>(
     options: &EngineOptions,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
-    let context = Context::new(&options.gpu)?;
+    on_device(problem, options, &Context::new(&options.gpu)?, log)
+}
+
+#[cfg(feature = "gpu")]
+fn on_device<const D: usize>(
+    problem: &ContactProblem<D>,
+    options: &EngineOptions,
+    context: &Arc<Context>,
+    log: &mut dyn FnMut(&str),
+) -> Result<Path, EngineError> {
     log(&format!(
         "adapter: {}, {}; taken because: {}; kernels in {}{}",
         context.adapter,
@@ -604,29 +631,89 @@ fn on_gpu<const D: usize>(
             Precision::F32 => " inside f64 refinement",
         }
     ));
-    let gpu = Gpu::new(&context).map_err(PcgError::from)?;
+    let gpu = Gpu::new(context).map_err(PcgError::from)?;
     let dual = NestedDual::new(problem, gpu, options.preconditioner)?;
-    Ok(Path::Gpu(Box::new(dual), context))
+    Ok(Path::Gpu(Box::new(dual), Arc::clone(context)))
 }
 
-/// PCG on a real GPU or, without one or if it fails, on the CPU.
+/// PCG on a real GPU that is faster or, without one or if it fails, on the CPU.
+#[cfg(feature = "gpu")]
 fn on_best<const D: usize>(
     problem: &ContactProblem<D>,
     options: &EngineOptions,
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
-    let mut hardware = options.clone();
-    hardware.gpu.hardware_only = options.gpu.adapter.is_none();
-    match on_gpu(problem, &hardware, log) {
-        #[cfg(feature = "gpu")]
+    let named = options.gpu.adapter.is_some();
+    let hardware = GpuOptions {
+        hardware_only: !named,
+        ..options.gpu.clone()
+    };
+    let made = Context::new(&hardware)
+        .map_err(EngineError::from)
+        .and_then(|context| {
+            // Whoever names an adapter means it.
+            match !named && !is_faster(&context, problem, log)? {
+                true => on_cpu(problem, options),
+                false => on_device(problem, options, &context, log),
+            }
+        });
+    match made {
         Err(error @ (EngineError::Gpu(_) | EngineError::Pcg(PcgError::Backend(_)))) => {
             log(&format!("{error}; computing on the CPU"));
             on_cpu(problem, options)
         }
-        // A GPU was not requested.
-        Err(EngineError::NoGpuSupport) => on_cpu(problem, options),
         outcome => outcome,
     }
+}
+
+/// A GPU was not requested, and is not supported.
+#[cfg(not(feature = "gpu"))]
+fn on_best<const D: usize>(
+    problem: &ContactProblem<D>,
+    options: &EngineOptions,
+    _log: &mut dyn FnMut(&str),
+) -> Result<Path, EngineError> {
+    on_cpu(problem, options)
+}
+
+/// Whether iterations for this problem take less time on a device than on the CPU, as its speed and that of the CPU predict.
+#[cfg(feature = "gpu")]
+fn is_faster<const D: usize>(
+    context: &Arc<Context>,
+    problem: &ContactProblem<D>,
+    log: &mut dyn FnMut(&str),
+) -> Result<bool, EngineError> {
+    let mut gpu = Gpu::new(context).map_err(PcgError::from)?;
+    let time = Duration::from_millis(20);
+    let speed = gpu.speed(MEASURED as u64, time).map_err(PcgError::from)?;
+    let cpu = copy_bandwidth(MEASURED);
+    let k = problem.stiffness();
+    let bytes = PASSES * (k.n_blocks() * (8 * D * D + 4)) as f64;
+    let [there, here] = iteration_times(bytes, speed, context.precision, cpu);
+    let faster = there < here;
+    log(&format!(
+        "{}: {:.0} GB/s and {:.0} µs a launch, the CPU: {:.0} GB/s; an iteration takes about {:.2} ms there and {:.2} ms on the \
+         CPU{}",
+        context.adapter,
+        speed.bandwidth / 1e9,
+        1e6 * speed.launch,
+        cpu / 1e9,
+        1e3 * there,
+        1e3 * here,
+        if faster { "" } else { ": computing on the CPU" }
+    ));
+    Ok(faster)
+}
+
+/// Seconds of an iteration that moves so many bytes on a device, and on a CPU of this bandwidth.
+#[cfg(feature = "gpu")]
+fn iteration_times(bytes: f64, speed: Speed, precision: Precision, cpu: f64) -> [f64; 2] {
+    let there = bytes / speed.bandwidth + LAUNCHES * speed.launch;
+    let factor = match precision {
+        Precision::F64 => 1.0,
+        Precision::F32 => SINGLE,
+    };
+    [factor * there, bytes / cpu]
 }
 
 impl DualOperator for Engine {
@@ -746,6 +833,31 @@ mod tests {
             });
             assert_eq!(way, expected);
         }
+    }
+
+    /// An H100 beside 16 cores as measured, and made-up devices beside a laptop's processor.
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn a_device_is_taken_where_it_is_faster() {
+        let faster = |n: f64, bandwidth: f64, launch: f64, precision, cpu: f64| {
+            // 27 blocks a row of 76 bytes.
+            let bytes = PASSES * n / 3.0 * 27.0 * 76.0;
+            let speed = Speed {
+                bandwidth: 1e9 * bandwidth,
+                launch: 1e-6 * launch,
+            };
+            let [there, here] = iteration_times(bytes, speed, precision, 1e9 * cpu);
+            there < here
+        };
+        let (double, single) = (Precision::F64, Precision::F32);
+        assert!(faster(5e4, 2800.0, 5.0, double, 87.0));
+        assert!(faster(1e6, 2800.0, 5.0, single, 87.0));
+        // It shares the memory of the CPU.
+        assert!(!faster(1e6, 45.0, 10.0, single, 50.0));
+        assert!(!faster(1e6, 45.0, 10.0, double, 50.0));
+        // A small card, and one whose launches are slow.
+        assert!(faster(1e6, 200.0, 10.0, single, 50.0));
+        assert!(!faster(5e4, 200.0, 100.0, single, 50.0));
     }
 
     #[test]

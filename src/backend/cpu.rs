@@ -14,6 +14,7 @@ use crate::sparse::{Csr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Everything in f64 on the threads of rayon, except for the multigrid hierarchy, which is stored and applied as `S`.
 /// Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.
@@ -186,6 +187,23 @@ impl State {
             broken: self.broken,
         }
     }
+}
+
+/// Bytes per second of a copy of this many bytes on all threads, read and written bytes added up.
+pub fn copy_bandwidth(bytes: usize) -> f64 {
+    let from = vec![1.0f64; bytes / 8];
+    let mut to = vec![0.0f64; bytes / 8];
+    let mut best = f64::INFINITY;
+    // The first one meets memory that has not been touched.
+    for _ in 0..4 {
+        let start = Instant::now();
+        to.par_chunks_mut(1 << 17)
+            .zip(from.par_chunks(1 << 17))
+            .for_each(|(to, from)| to.copy_from_slice(from));
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    std::hint::black_box(&to);
+    (2 * bytes) as f64 / best
 }
 
 /// Scalars handled by one parallel task.

@@ -23,7 +23,7 @@ pub use arrays::{
     DenseMatrix, LevelDiagonal, LevelMatrix, LevelVector, Matrix, Rows, State, Vector,
 };
 pub use context::{AdapterSummary, Context, GpuError, adapters};
-pub use timing::KernelTime;
+pub use timing::{KernelTime, Speed};
 
 use super::{Backend, BackendError, Precision, Product, Progress, Run, cpu};
 use crate::control::Counters;

@@ -66,10 +66,8 @@ impl PcgError {
     }
 }
 
-/// Iterations between two looks at the progress, where the first look came too early: at least this many.
+/// Iterations between two looks at the progress where nothing predicts how many are left.
 const CHUNK: usize = 16;
-/// Iterations before the first look at least.
-const LEAST_CHUNK: usize = 2;
 /// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
@@ -119,8 +117,8 @@ pub struct Pcg<B: Backend> {
     rate: f64,
     /// How α rᵀz falls from iteration to iteration.
     falls: Falls,
-    /// Iterations of the last run to an energy.
-    last: usize,
+    /// Iterations of the last run to an energy, from zero and from a given x.
+    last: [usize; 2],
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
     /// The costs.
@@ -167,6 +165,17 @@ impl Watch {
             !(self.least_rr <= 0.25 * rr) && !(progress.energy > self.noticeable * energy)
         })
     }
+}
+
+/// The iterations left to a run if its residual goes on to fall as it has so far, at least one; None if it has not fallen.
+fn iterations_left(goals: &Run, progress: &Progress) -> Option<usize> {
+    // Of squares, as the residual and the energy here.
+    let fall = (progress.rr_start / progress.rr).ln() / progress.iterations as f64;
+    let remaining = goals.remaining_of(progress);
+    let goal = goals.remaining + goals.remaining_part * progress.energy;
+    let above = (progress.rr / progress.goal).min(remaining / goal);
+    let left = (above.ln() / fall).ceil();
+    (fall > 0.0 && left.is_finite()).then_some(left.max(1.0) as usize)
 }
 
 /// The iterations that suffice for so many unknowns, with rounding: in exact arithmetic one for each.
@@ -286,7 +295,7 @@ impl<B: Backend> Pcg<B> {
             state,
             rate: 1.0,
             falls,
-            last: 0,
+            last: [0; 2],
             rounding: refine::ROUNDING,
             counts: SolveCounts::default(),
         }
@@ -305,7 +314,7 @@ impl<B: Backend> Pcg<B> {
         (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
         self.state = self.backend.state(&self.matrix, &self.x)?;
         // The measurements of earlier runs belong to the K before.
-        (self.rate, self.last, self.rounding) = (1.0, 0, refine::ROUNDING);
+        (self.rate, self.last, self.rounding) = (1.0, [0; 2], refine::ROUNDING);
         self.falls.forget();
         let Self {
             backend,
@@ -415,14 +424,15 @@ impl<B: Backend> Pcg<B> {
         backend.start(r, x, preconditioner.r(), state, goals);
         preconditioner.cycle(backend, state)?;
         backend.direction(r, preconditioner.z(), p, state);
-        // More than it should take: a look too early costs more than an iteration without effect.
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
+        let kind = usize::from(goals.continues);
         let predicted = if to_energy {
-            self.last as f64
+            self.last[kind]
         } else {
-            -(goals.residual_part.max(1e-16)).ln() / self.rate
+            (-(goals.residual_part.max(1e-16)).ln() / self.rate).ceil() as usize
         };
-        let mut chunk = (predicted.ceil() as usize + 1).clamp(LEAST_CHUNK, MAX_CHUNK);
+        // An iteration without effect costs more than a look.
+        let mut chunk = predicted.clamp(1, MAX_CHUNK);
         let mut issued = 0;
         loop {
             for _ in 0..chunk {
@@ -433,8 +443,9 @@ impl<B: Backend> Pcg<B> {
                 backend.step(p, q, x, r, preconditioner.r(), state);
                 preconditioner.cycle(backend, state)?;
                 backend.direction(r, preconditioner.z(), p, state);
+                issued += 1;
+                self.counts.issued += 1;
             }
-            issued += chunk;
             let progress = match &mut gather {
                 Some(Gather { rows, y, out }) => {
                     backend.multiply_rows(rows, x, y);
@@ -450,7 +461,7 @@ impl<B: Backend> Pcg<B> {
             if progress.done || free || lost {
                 self.counts.iterations += progress.iterations;
                 if to_energy {
-                    self.last = progress.iterations;
+                    self.last[kind] = progress.iterations;
                     self.falls.learn(&progress);
                 } else if progress.iterations > 0 {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
@@ -475,8 +486,12 @@ impl<B: Backend> Pcg<B> {
                     iterations: progress.iterations,
                 });
             }
-            // Late in a run little work is left.
-            chunk = (issued / 8).clamp(CHUNK, MAX_CHUNK);
+            chunk = match iterations_left(&goals, &progress) {
+                // What is left seldom exceeds what was needed so far, and a few looks late in a run cost little.
+                Some(left) => left.min(issued.max(CHUNK)).max(issued / 8),
+                None => issued.max(CHUNK),
+            };
+            chunk = chunk.min(MAX_CHUNK);
         }
     }
 }

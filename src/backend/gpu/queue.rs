@@ -8,7 +8,6 @@ use super::{Gpu, PIECE_BYTES, Params, STATE_BYTES};
 use crate::backend::{BackendError, Precision, Run};
 use std::collections::HashSet;
 use std::sync::{Arc, mpsc};
-use std::time::Instant;
 use wgpu::BufferUsages;
 
 /// Sets of parameters that are kept on the device at most: a hierarchy has some hundred.
@@ -304,38 +303,5 @@ impl Gpu {
         self.context
             .queue
             .write_buffer(&state.goals.buffer.buffer, 0, &goals);
-    }
-
-    /// Bytes per second of a copy on the device, read and written bytes added up: the measure for all that
-    /// memory bounds.
-    pub fn copy_bandwidth(&mut self) -> Result<f64, BackendError> {
-        const REPEATS: u64 = 10;
-        let most = if self.context.adapter.is_software {
-            64 << 20
-        } else {
-            512 << 20
-        };
-        let bytes = self.context.max_binding().min(most) / 16 * 16;
-        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let from = self.allocate("copy", bytes, usage)?;
-        let to = self.allocate("copy", bytes, usage)?;
-        let mut best = f64::INFINITY;
-        for _ in 0..4 {
-            let mut encoder = self
-                .context
-                .device
-                .create_command_encoder(&Default::default());
-            for _ in 0..REPEATS {
-                let (from, to) = (&from.buffer.buffer, &to.buffer.buffer);
-                encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
-            }
-            let start = Instant::now();
-            self.context.queue.submit([encoder.finish()]);
-            // A fault shows in the check.
-            let _ = self.context.wait();
-            best = best.min(start.elapsed().as_secs_f64());
-            self.context.check()?;
-        }
-        Ok((2 * bytes * REPEATS) as f64 / best)
     }
 }

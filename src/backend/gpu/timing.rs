@@ -4,9 +4,10 @@ use super::Gpu;
 use super::buffers::Handle;
 use super::kernels::Kernel;
 use super::queue::MOST_COMMANDS;
-use crate::backend::BackendError;
+use crate::backend::{Backend as _, BackendError};
 use std::collections::HashMap;
 use std::sync::mpsc;
+use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
 
 /// The dispatches of a kernel for one number of rows or pairs.
@@ -51,7 +52,51 @@ impl Times {
     }
 }
 
+/// The speed of a device.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Speed {
+    /// Bytes per second of y += x: the measure for all that memory bounds.
+    pub bandwidth: f64,
+    /// Seconds of a launch that has hardly any work and waits for the one before.
+    pub launch: f64,
+}
+
 impl Gpu {
+    /// Measures the device with vectors of this many bytes for some time: an idle one takes a moment to wake up.
+    pub fn speed(&mut self, bytes: u64, time: Duration) -> Result<Speed, BackendError> {
+        let bytes = bytes.min(self.context.max_binding());
+        let len = (bytes / self.real_bytes()) as usize;
+        let moved = 3 * len as u64 * self.real_bytes();
+        Ok(Speed {
+            bandwidth: moved as f64 / self.time_of_addition(len, 10, time)?,
+            launch: self.time_of_addition(2, 100, time)?,
+        })
+    }
+
+    /// Seconds of y += x: the best of several times `repeats` in a row.
+    fn time_of_addition(
+        &mut self,
+        len: usize,
+        repeats: u32,
+        time: Duration,
+    ) -> Result<f64, BackendError> {
+        let (x, mut y) = (self.vector(len)?, self.vector(len)?);
+        let mut best = f64::INFINITY;
+        let begin = Instant::now();
+        while best.is_infinite() || begin.elapsed() < time {
+            let start = Instant::now();
+            for _ in 0..repeats {
+                self.add(1.0, &x, &mut y);
+            }
+            self.submit(None);
+            // A fault shows in the check.
+            let _ = self.context.wait();
+            self.context.check()?;
+            best = best.min(start.elapsed().as_secs_f64() / f64::from(repeats));
+        }
+        Ok(best)
+    }
+
     /// Times every kernel from now on, one after the other, if the context has timestamps. The whole takes longer then.
     pub fn time_kernels(&mut self) -> Result<(), BackendError> {
         let features = self.context.device.features();

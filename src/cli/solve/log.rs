@@ -231,8 +231,9 @@ pub fn describe(costs: &Costs) -> String {
     if device.dispatches > 0 {
         let per_iteration = |count: usize| count as f64 / solves.iterations.max(1) as f64;
         text += &format!(
-            "; {} dispatches ({:.2} per iteration, all others included), {} read-backs ({:.2} per iteration), \
+            " ({} issued); {} dispatches ({:.2} per iteration, all others included), {} read-backs ({:.2} per iteration), \
              {} submissions",
+            solves.issued,
             device.dispatches,
             per_iteration(device.dispatches),
             device.readbacks,
