@@ -168,7 +168,7 @@ mod large;
 #[cfg(test)]
 mod lattice;
 pub mod matrix_market;
-mod memory;
+pub mod memory;
 pub mod mesh;
 pub mod model;
 #[cfg(feature = "mpi")]

@@ -2,6 +2,9 @@
 
 use std::env;
 
+#[global_allocator]
+static ALLOCATOR: signorini::memory::LargePages = signorini::memory::LargePages;
+
 fn main() -> std::process::ExitCode {
     without_device_selection();
     signorini::cli::run(env::args_os()).into()

@@ -1,5 +1,55 @@
 //! The memory of this machine and of this process.
 
+use std::alloc::{GlobalAlloc, Layout, System};
+
+/// The system's allocator, with large pages for large data where Linux offers them on request. The first touch of a page is a fault:
+/// without large ones, a quarter of the time for assembly and hierarchy at 6e5 unknowns goes there.
+///
+/// A program sets it with `#[global_allocator]`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LargePages;
+
+/// Bytes from which on data get large pages: enough that the unused part of the last one does not matter.
+const LARGE: usize = 8 << 20;
+
+// SAFETY: all memory is that of the system's allocator; the advice changes no contents.
+unsafe impl GlobalAlloc for LargePages {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller keeps to the contract, which is the same.
+        advised(unsafe { System.alloc(layout) }, layout.size())
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as above.
+        advised(unsafe { System.alloc_zeroed(layout) }, layout.size())
+    }
+
+    unsafe fn realloc(&self, data: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: as above.
+        advised(unsafe { System.realloc(data, layout, size) }, size)
+    }
+
+    unsafe fn dealloc(&self, data: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(data, layout) }
+    }
+}
+
+/// The same data, in large pages if they are large.
+fn advised(data: *mut u8, size: usize) -> *mut u8 {
+    #[cfg(target_os = "linux")]
+    if size >= LARGE && !data.is_null() {
+        const PAGE: usize = 4096;
+        let before = data.align_offset(PAGE);
+        // SAFETY: the range is whole pages of these data. Where the system refuses, they stay as they are.
+        unsafe {
+            let start = data.add(before).cast();
+            libc::madvise(start, (size - before) / PAGE * PAGE, libc::MADV_HUGEPAGE);
+        }
+    }
+    data
+}
+
 /// The memory of this machine in bytes, or of the container it runs in; None if unknown.
 pub(crate) fn total_bytes() -> Option<usize> {
     let mut system = sysinfo::System::new();

@@ -61,7 +61,7 @@ impl Ranks {
             if scale == 0.0 || !scale.is_finite() {
                 return scale;
             }
-            let mut sum = [x.iter().map(|v| (v / scale).powi(2)).sum::<f64>()];
+            let mut sum = [crate::sparse::squares(x, scale)];
             group.sum(&mut sum);
             return scale * sum[0].sqrt();
         }

@@ -28,6 +28,8 @@ pub type Csr = BlockCsr<1>;
 
 /// Rows handled by one parallel task: enough work to hide the cost of starting it.
 pub(crate) const ROWS_PER_TASK: usize = 4096;
+/// Entries of a vector that one task takes: some 10 µs of work.
+pub(crate) const PIECE: usize = 1 << 14;
 
 /// Work of [`vectorised!`].
 pub(crate) struct Vectorised<F>(pub F);
@@ -175,15 +177,15 @@ impl<const B: usize> BlockCsr<B> {
 
     /// The scalar diagonal of the matrix; zero where nothing is stored.
     pub fn diagonal(&self) -> Vec<f64> {
-        let mut diagonal = vec![0.0; self.n_rows()];
-        for i in 0..self.n_block_rows {
-            if let Some(block) = self.block(i, i) {
-                for a in 0..B {
-                    diagonal[i * B + a] = block[a][a];
+        let mut diagonal = vec![[0.0; B]; self.n_block_rows];
+        (diagonal.par_iter_mut().enumerate())
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|(i, diagonal)| {
+                if let Some(block) = self.block(i, i) {
+                    *diagonal = std::array::from_fn(|a| block[a][a]);
                 }
-            }
-        }
-        diagonal
+            });
+        diagonal.into_flattened()
     }
 }
 
@@ -409,8 +411,54 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
     }
 }
 
+impl Csr {
+    /// The entries of Mᵀ x in the columns that M has entries in, in their order.
+    pub(crate) fn transpose_times_filled(&self, x: &[f64]) -> Vec<f64> {
+        let mut terms: Vec<(usize, f64)> = self.triplets().map(|(i, j, v)| (j, v * x[i])).collect();
+        // Stable: each sum has the order of the rows.
+        terms.sort_by_key(|&(j, _)| j);
+        (terms.chunk_by(|a, b| a.0 == b.0))
+            .map(|terms| terms.iter().map(|(_, term)| term).sum())
+            .collect()
+    }
+}
+
+/// Lists of n rows one after the other, and where each begins and the last one ends; `row` appends a row.
+pub(crate) fn collect_rows<T: Copy + Default + Send + Sync>(
+    n: usize,
+    row: impl Fn(usize, &mut Vec<T>) + Sync,
+) -> (Vec<usize>, Vec<T>) {
+    let parts: Vec<(Vec<usize>, Vec<T>)> = (0..n.div_ceil(ROWS_PER_TASK))
+        .into_par_iter()
+        .map(|task| {
+            let (mut ends, mut all) = (Vec::with_capacity(ROWS_PER_TASK), Vec::new());
+            for i in task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n) {
+                row(i, &mut all);
+                ends.push(all.len());
+            }
+            (ends, all)
+        })
+        .collect();
+    let mut starts = Vec::with_capacity(n + 1);
+    starts.push(0);
+    for (ends, _) in &parts {
+        let before = starts[starts.len() - 1];
+        starts.extend(ends.iter().map(|end| before + end));
+    }
+    let mut all = vec![T::default(); starts[n]];
+    let mut rest = &mut all[..];
+    let mut places = Vec::with_capacity(parts.len());
+    for (_, part) in &parts {
+        let (place, after) = std::mem::take(&mut rest).split_at_mut(part.len());
+        places.push(place);
+        rest = after;
+    }
+    (places.into_par_iter().zip(parts)).for_each(|(place, (_, part))| place.copy_from_slice(&part));
+    (starts, all)
+}
+
 /// The rows that end at `ends`, in groups of [`ROWS_PER_TASK`].
-fn split_rows<'a, T>(mut all: &'a mut [T], ends: &[usize]) -> Vec<Vec<&'a mut [T]>> {
+pub(crate) fn split_rows<'a, T>(mut all: &'a mut [T], ends: &[usize]) -> Vec<Vec<&'a mut [T]>> {
     let mut start = 0;
     let mut next = |&end: &usize| {
         let (row, rest) = std::mem::take(&mut all).split_at_mut(end - start);
@@ -428,18 +476,34 @@ pub fn norm(x: &[f64]) -> f64 {
     if scale == 0.0 || !scale.is_finite() {
         return scale;
     }
-    scale * x.iter().map(|v| (v / scale).powi(2)).sum::<f64>().sqrt()
+    scale * squares(x, scale).sqrt()
+}
+
+/// Σ (xᵢ / `scale`)², the same on any number of threads.
+pub(crate) fn squares(x: &[f64], scale: f64) -> f64 {
+    let of_piece = |x: &[f64]| x.iter().map(|v| (v / scale).powi(2)).sum::<f64>();
+    pieces(x, of_piece).into_iter().sum()
+}
+
+/// The values of a function of each piece of a vector, a piece for every [`PIECE`] entries.
+fn pieces(x: &[f64], of_piece: impl Fn(&[f64]) -> f64 + Sync + Send) -> Vec<f64> {
+    match x.len() {
+        ..=PIECE => vec![of_piece(x)],
+        _ => x.par_chunks(PIECE).map(of_piece).collect(),
+    }
 }
 
 /// Largest absolute value; NaN if there is one.
 pub fn norm_max(x: &[f64]) -> f64 {
-    x.iter().fold(0.0, |acc: f64, v| {
+    let larger = |acc: f64, v: &f64| {
         if v.is_nan() || acc.is_nan() {
             f64::NAN
         } else {
             acc.max(v.abs())
         }
-    })
+    };
+    let of_pieces = pieces(x, |x| x.iter().fold(0.0, larger));
+    of_pieces.iter().fold(0.0, larger)
 }
 
 /// Σ xᵢ yᵢ.

@@ -13,6 +13,9 @@ mod watch;
 
 use pyo3::prelude::*;
 
+#[global_allocator]
+static ALLOCATOR: signorini::memory::LargePages = signorini::memory::LargePages;
+
 /// The Rust side of the package.
 #[pymodule]
 mod _native {

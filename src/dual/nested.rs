@@ -6,7 +6,7 @@ use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase, Vertices};
 use crate::rounding::ROUNDING;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
-use crate::sparse::{BlockCsr, Csr, difference, norm};
+use crate::sparse::{BlockCsr, Csr, norm};
 use crate::stiffness::amg::AmgError;
 use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
 use std::borrow::Cow;
@@ -234,8 +234,7 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Correction, DualError> {
-        let mut contact = vec![0.0; self.load.len()];
-        self.b.mul_transpose_add(1.0, lambda, &mut contact);
+        let contact = self.b.transpose_times_filled(lambda);
         let terms = norm(&self.load).max(norm(&contact));
         if terms == 0.0 {
             // The error that PCG leaves in a vanishing u would have to shrink for ever.
@@ -254,7 +253,8 @@ impl<B: Backend> NestedDual<B> {
             for (u, x) in self.u.iter_mut().zip(&self.x) {
                 *u -= along * x;
             }
-            let load = difference(&self.load, &contact);
+            let mut load = self.load.to_vec();
+            self.b.mul_transpose_add(-1.0, lambda, &mut load);
             let accuracy = match accuracy {
                 Accuracy::Residual(residual) => Accuracy::Residual(residual / terms),
                 accuracy => accuracy,

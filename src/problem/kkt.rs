@@ -9,14 +9,15 @@
 //! A difference within the rounding of its terms (32 units in the last place) counts as zero: f64 resolves nothing smaller. Each
 //! row has its own rounding: that of its gap, of the motion of its bodies, and of its compliance.
 
-use super::{ContactProblem, tangents_of};
+use super::{ContactProblem, System, tangents_of};
 use crate::constraint::{TIED, tangential};
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::stored::SquareBlocks;
-use crate::sparse::{add_times, dot, norm, norm_max};
+use crate::sparse::{PIECE, add_times, dot, norm, norm_max};
 use faer::Mat;
+use rayon::prelude::*;
 
 /// Violations of the optimality conditions, each relative to its own scale: see [`ContactProblem::kkt`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -225,12 +226,14 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// ‖Ku + Bᵀλ − f‖, without the rounding of its terms.
     fn imbalance(&self, lambda: &[f64], [sums, sizes]: &[Vec<f64>; 2]) -> f64 {
         let mut forces = self.load().to_vec();
-        let mut terms: Vec<f64> = forces.iter().map(|f| f.abs()).collect();
+        let mut terms: Vec<f64> = forces.par_iter().map(|f| f.abs()).collect();
         for (i, j, v) in self.contact_matrix().triplets() {
             forces[j] -= v * lambda[i];
             terms[j] += (v * lambda[i]).abs();
         }
         let residual: Vec<f64> = (0..forces.len())
+            .into_par_iter()
+            .with_min_len(PIECE)
             .map(|i| beyond(sums[i] - forces[i], ROUNDING * (terms[i] + sizes[i])))
             .collect();
         self.ranks().norm(&residual)
@@ -238,9 +241,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// The larger of ‖f‖, without the contribution of prescribed displacements, and ‖Bᵀλ‖.
     pub(crate) fn acting_forces(&self, lambda: &[f64]) -> f64 {
-        let mut forces = vec![0.0; self.load().len()];
-        self.contact_matrix()
-            .mul_transpose_add(1.0, lambda, &mut forces);
+        let forces = self.contact_matrix().transpose_times_filled(lambda);
         match self.load_case().acting.max(self.ranks().norm(&forces)) {
             // Only prescribed displacements.
             0.0 => self.ranks().norm(self.load()),
@@ -275,25 +276,28 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// The same with the M rigid motions that there are.
     fn without_motions<const M: usize>(&self, points: &[[f64; D]], u: &[f64]) -> Vec<f64> {
         let frames = self.part_frames(points);
-        // The normal equations of the mean motion of each part.
-        let mut gram = vec![[[0.0; M]; M]; frames.len()];
-        let mut right = vec![[0.0; M]; frames.len()];
-        let nodes = || {
-            let nodes = self.parts.iter().zip(points).enumerate();
-            nodes.flat_map(|(node, (&part, x))| {
-                let rows = frames[part as usize].motions::<M>(x).into_iter();
-                (D * node..)
-                    .zip(rows)
-                    .map(move |(i, row)| (part as usize, i, row))
-            })
+        let system: &System<D> = self;
+        let motions = |node: usize| {
+            let rows = frames[system.parts[node] as usize].motions::<M>(&points[node]);
+            let coupled = (D * node..).zip(rows);
+            coupled.filter(|&(i, _)| system.is_coupled(i))
         };
-        for (part, i, row) in nodes().filter(|&(_, i, _)| self.is_coupled(i)) {
-            for a in 0..M {
-                right[part][a] += row[a] * u[i];
-                for b in 0..M {
-                    gram[part][a][b] += row[a] * row[b];
+        // The normal equations of the mean motion of each part.
+        let none = ([[0.0; M]; M], [0.0; M]);
+        let sums = self.over_parts(none, |(gram, right), node| {
+            for (i, row) in motions(node) {
+                for a in 0..M {
+                    right[a] += row[a] * u[i];
+                    add_times(row[a], &row, &mut gram[a]);
                 }
             }
+        });
+        let mut gram = vec![[[0.0; M]; M]; frames.len()];
+        let mut right = vec![[0.0; M]; frames.len()];
+        for (part, (more_gram, more_right)) in sums {
+            let gram = gram[part].as_flattened_mut();
+            add_times(1.0, more_gram.as_flattened(), gram);
+            add_times(1.0, &more_right, &mut right[part]);
         }
         self.ranks().sum(gram.as_flattened_mut().as_flattened_mut());
         self.ranks().sum(right.as_flattened_mut());
@@ -304,9 +308,13 @@ impl<const D: usize, K> ContactProblem<D, K> {
             })
             .collect();
         let mut rest = u.to_vec();
-        for (part, i, row) in nodes().filter(|&(_, i, _)| self.is_coupled(i)) {
-            rest[i] -= dot(&row, &motion[part]);
-        }
+        (rest.par_chunks_mut(D).enumerate())
+            .with_min_len(PIECE / D)
+            .for_each(|(node, rest)| {
+                for (i, row) in motions(node) {
+                    rest[i - D * node] -= dot(&row, &motion[system.parts[node] as usize]);
+                }
+            });
         rest
     }
 
@@ -327,21 +335,27 @@ impl<const D: usize, K> ContactProblem<D, K> {
         ];
         let mut members = vec![0.0; count];
         let ranks = self.ranks();
-        let nodes = || self.parts.iter().map(|&part| part as usize).zip(points);
-        for (part, x) in nodes() {
-            (frames[part].centre.iter_mut().zip(x)).for_each(|(sum, x)| *sum += x);
-            members[part] += 1.0;
+        let sums = self.over_parts(([0.0; D], 0.0), |(centre, members), node| {
+            add_times(1.0, &points[node], centre);
+            *members += 1.0;
+        });
+        for (part, (centre, more)) in sums {
+            add_times(1.0, &centre, &mut frames[part].centre);
+            members[part] += more;
         }
         ranks.sum(&mut members);
         for (frame, members) in frames.iter_mut().zip(members) {
             ranks.sum(&mut frame.centre);
             frame.centre = frame.centre.map(|sum| sum / members);
         }
-        for (part, x) in nodes() {
-            let Frame { centre, size } = &mut frames[part];
-            *size = size.max(rigid::length(&std::array::from_fn::<_, D, _>(|c| {
-                x[c] - centre[c]
-            })));
+        let system: &System<D> = self;
+        let sizes = self.over_parts(0.0_f64, |size, node| {
+            let centre = &frames[system.parts[node] as usize].centre;
+            let away = std::array::from_fn::<_, D, _>(|c| points[node][c] - centre[c]);
+            *size = size.max(rigid::length(&away));
+        });
+        for (part, size) in sizes {
+            frames[part].size = frames[part].size.max(size);
         }
         for frame in &mut frames {
             frame.size = ranks.max(frame.size);

@@ -2,7 +2,9 @@
 
 use super::{ContactData, FloatingBodies, Vertices, tangents};
 use crate::ranks::Ranks;
-use crate::sparse::{BlockCsr, Csr};
+use crate::sparse::{BlockCsr, Csr, PIECE};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The part of a contact problem that does not change from load step to load step.
@@ -237,22 +239,48 @@ impl<const D: usize> System<D> {
             .max()
             .map_or(0.0, |&last| f64::from(last) + 1.0);
         let mut sizes = vec![0.0_f64; self.ranks.max(here) as usize];
-        let part = |i: usize| self.parts[i / D] as usize;
-        for (i, u) in u.iter().enumerate().filter(|&(i, _)| self.coupled[i]) {
-            sizes[part(i)] = sizes[part(i)].max(u.abs());
+        let coupled = |node: usize| (D * node..D * (node + 1)).filter(|&i| self.coupled[i]);
+        let found = self.over_parts(0.0_f64, |size, node| {
+            *size = coupled(node).fold(*size, |size, i| size.max(u[i].abs()));
+        });
+        for (part, size) in found {
+            sizes[part] = sizes[part].max(size);
         }
         sizes
             .iter_mut()
             .for_each(|size| *size = self.ranks.max(*size));
-        let each = u.iter().enumerate();
+        let each = u.par_iter().enumerate().with_min_len(PIECE);
         each.map(|(i, u)| {
             if self.coupled[i] {
-                sizes[part(i)]
+                sizes[self.parts[i / D] as usize]
             } else {
                 u.abs()
             }
         })
         .collect()
+    }
+
+    /// Sums over the nodes of each connected part of K, in pieces that come in the same order on any number of threads: each begins
+    /// with `none`, and `add` adds a node.
+    pub(super) fn over_parts<T: Clone + Send + Sync>(
+        &self,
+        none: T,
+        add: impl Fn(&mut T, usize) + Sync + Send,
+    ) -> Vec<(usize, T)> {
+        let nodes = PIECE / D;
+        let pieces: Vec<BTreeMap<usize, T>> = (self.parts.par_chunks(nodes).enumerate())
+            .map(|(piece, parts)| {
+                let mut sums = BTreeMap::new();
+                for (node, &part) in (nodes * piece..).zip(parts) {
+                    add(
+                        sums.entry(part as usize).or_insert_with(|| none.clone()),
+                        node,
+                    );
+                }
+                sums
+            })
+            .collect();
+        pieces.into_iter().flatten().collect()
     }
 
     /// The largest |Bᵢⱼ| times the size of unknown j, for each row of B; over all ranks their sum.

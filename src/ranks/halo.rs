@@ -106,8 +106,10 @@ impl Halo {
     }
 
     /// The order of rows: own ones, then copies made by [`Halo::reach`].
-    pub fn order_of(&self, number: u64) -> (bool, u64) {
-        (self.here(number).is_none(), number)
+    pub fn order(&self) -> impl Fn(u64) -> (bool, u64) + Copy + use<> {
+        let own = self.first..self.first + self.own as u64;
+        let [first, end] = [own.start, own.end];
+        move |number| (!(first..end).contains(&number), number)
     }
 
     /// Adds the starts of the copies of rows to those of own ones.

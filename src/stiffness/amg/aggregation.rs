@@ -1,7 +1,7 @@
 //! Strongly connected nodes, and their grouping into aggregates.
 
 use crate::ranks::Halo;
-use crate::sparse::{BlockCsr, ROWS_PER_TASK};
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, collect_rows};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
@@ -61,32 +61,8 @@ impl Graph {
 
     /// The graph that `row` gives for n nodes, in parallel.
     pub fn collect(n: usize, row: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Self {
-        let parts: Vec<Self> = (0..n.div_ceil(ROWS_PER_TASK))
-            .into_par_iter()
-            .map(|task| {
-                let mut part = Self {
-                    start: vec![0],
-                    neighbours: Vec::new(),
-                };
-                for i in task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(n) {
-                    row(i, &mut part.neighbours);
-                    part.start.push(part.neighbours.len());
-                }
-                part
-            })
-            .collect();
-        let mut graph = Self {
-            start: vec![0],
-            neighbours: Vec::with_capacity(parts.iter().map(|part| part.neighbours.len()).sum()),
-        };
-        for part in parts {
-            let before = graph.neighbours.len();
-            graph
-                .start
-                .extend(part.start[1..].iter().map(|end| before + end));
-            graph.neighbours.extend(part.neighbours);
-        }
-        graph
+        let (start, neighbours) = collect_rows(n, row);
+        Self { start, neighbours }
     }
 
     /// The same of the neighbours for which `keep` holds.

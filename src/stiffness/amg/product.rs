@@ -2,7 +2,7 @@
 
 use super::prolongation::Modes;
 use crate::ranks::Halo;
-use crate::sparse::{BlockCsr, vectorised};
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, split_rows, vectorised};
 use rayon::prelude::*;
 
 /// Rows of A P that a run of coarse rows needs: enough that few rows of A P belong to two runs.
@@ -139,17 +139,25 @@ pub(super) fn galerkin<const B: usize, const M: usize>(
     for i in 0..n {
         row_ptr[i + 1] += row_ptr[i];
     }
-    let mut cols = vec![0; row_ptr[n]];
-    let mut values = vec![[[0.0; M]; M]; row_ptr[n]];
-    // A part is freed once it is copied.
-    for (run, part) in runs.iter().zip(parts) {
+    // The run and the place in it of each row.
+    let mut places = vec![(0, 0); n];
+    for (number, run) in runs.iter().enumerate() {
         for (k, &i) in run.iter().enumerate() {
-            let range = row_ptr[i as usize]..row_ptr[i as usize + 1];
-            let (part_cols, part_values) = part.row(k);
-            cols[range.clone()].copy_from_slice(part_cols);
-            values[range].copy_from_slice(part_values);
+            places[i as usize] = (number, k);
         }
     }
+    let mut cols = vec![0; row_ptr[n]];
+    let mut values = vec![[[0.0; M]; M]; row_ptr[n]];
+    (split_rows(&mut cols, &row_ptr[1..]).into_par_iter())
+        .zip(split_rows(&mut values, &row_ptr[1..]))
+        .zip(places.par_chunks(ROWS_PER_TASK))
+        .for_each(|((cols, values), places)| {
+            for ((cols, values), &(number, k)) in cols.into_iter().zip(values).zip(places) {
+                let (part_cols, part_values) = parts[number].row(k);
+                cols.copy_from_slice(part_cols);
+                values.copy_from_slice(part_values);
+            }
+        });
     BlockCsr::from_parts(n, n, row_ptr, cols, values)
 }
 
@@ -315,15 +323,22 @@ pub(super) fn transpose<const R: usize, const C: usize>(
     }
     let mut next = row_ptr.clone();
     let mut cols = vec![0; entries];
-    let mut values = vec![[[0.0; R]; C]; entries];
+    // The block of A that each one is.
+    let mut sources = vec![0_u32; entries];
     for i in 0..rows {
-        let (row_cols, blocks) = a.row(i);
-        for (&j, block) in row_cols.iter().zip(blocks) {
-            let place = next[j as usize];
-            next[j as usize] += 1;
-            cols[place] = i as u32;
-            values[place] = std::array::from_fn(|b| std::array::from_fn(|a| block[a][b]));
+        for k in a.row_ptr()[i]..a.row_ptr()[i + 1] {
+            let next = &mut next[a.col_idx()[k] as usize];
+            cols[*next] = i as u32;
+            sources[*next] = k as u32;
+            *next += 1;
         }
     }
+    let values = (sources.par_iter())
+        .with_min_len(ROWS_PER_TASK)
+        .map(|&k| {
+            let block = &a.values()[k as usize];
+            std::array::from_fn(|b| std::array::from_fn(|a| block[a][b]))
+        })
+        .collect();
     BlockCsr::from_parts(a.n_block_cols(), rows, row_ptr, cols, values)
 }

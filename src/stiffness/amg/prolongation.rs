@@ -4,7 +4,7 @@ use super::aggregation::{Graph, Groups, NONE};
 use super::product::add_product;
 use crate::ranks::{Halo, Ranks};
 use crate::rigid::Frame;
-use crate::sparse::{BlockCsr, ROWS_PER_TASK, vectorised};
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, collect_rows, vectorised};
 use rayon::prelude::*;
 
 /// A column that keeps less than this part of its norm when the columns before it are projected out
@@ -263,21 +263,21 @@ impl Pattern {
             })
             .collect();
         let of_node = nodes.extended(1, numbers);
-        let (mut row_ptr, mut cols) = (vec![0], Vec::new());
-        for (i, &own) in of_node[..nodes.own()].iter().enumerate() {
-            let start = cols.len();
-            if own != NOWHERE {
-                cols.push(own);
-                for &(j, _) in graph.of(i) {
-                    let aggregate = of_node[j as usize];
-                    if aggregate != NOWHERE && !cols[start..].contains(&aggregate) {
-                        cols.push(aggregate);
-                    }
-                }
-                cols[start..].sort_unstable_by_key(|&number| coarse.order_of(number));
+        let order = coarse.order();
+        let (mut row_ptr, mut cols) = collect_rows(nodes.own(), |i, row| {
+            let start = row.len();
+            if of_node[i] == NOWHERE {
+                return;
             }
-            row_ptr.push(cols.len());
-        }
+            row.push(of_node[i]);
+            for &(j, _) in graph.of(i) {
+                let aggregate = of_node[j as usize];
+                if aggregate != NOWHERE && !row[start..].contains(&aggregate) {
+                    row.push(aggregate);
+                }
+            }
+            row[start..].sort_unstable_by_key(|&number| order(number));
+        });
         nodes.extend_starts(&mut row_ptr);
         cols.resize(row_ptr[row_ptr.len() - 1], NOWHERE);
         nodes.update_rows(|i| row_ptr[i]..row_ptr[i + 1], &mut cols);
@@ -347,24 +347,23 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
         p = Some(after);
     }
     let values = p.unwrap_or_default();
-    // Decoupled components leave blocks of zeros.
-    let (mut row_ptr, mut cols, mut kept) = (vec![0], Vec::new(), Vec::with_capacity(values.len()));
-    let mut places = Vec::new();
-    for (i, &aggregate) in aggregates.of_node.iter().enumerate() {
-        places.clear();
-        places.extend(pattern.range(i));
-        if i >= nodes.own() {
-            places.sort_unstable_by_key(|&k| pattern.cols[k]);
+    // Decoupled components leave blocks of zeros. Copies of rows are in the order of their own rank.
+    let own = nodes.own();
+    let (row_ptr, places) = collect_rows(aggregates.of_node.len(), |i, row| {
+        let start = row.len();
+        row.extend(pattern.range(i).filter(|&k| {
+            let own = pattern.cols[k] == aggregates.of_node[i];
+            own || values[k].as_flattened().iter().any(|&v| v != 0.0)
+        }));
+        if i >= own {
+            row[start..].sort_unstable_by_key(|&k| pattern.cols[k]);
         }
-        for &k in &places {
-            let own = pattern.cols[k] == aggregate;
-            if own || values[k].as_flattened().iter().any(|&v| v != 0.0) {
-                cols.push(pattern.cols[k]);
-                kept.push(values[k]);
-            }
-        }
-        row_ptr.push(cols.len());
-    }
+    });
+    let cols = places.par_iter().map(|&k| pattern.cols[k]).collect();
+    let kept = match places.len() == values.len() && own == aggregates.of_node.len() {
+        true => values,
+        false => places.par_iter().map(|&k| values[k]).collect(),
+    };
     let columns = coarse.own() + coarse.copies();
     BlockCsr::from_parts(aggregates.of_node.len(), columns, row_ptr, cols, kept)
 }

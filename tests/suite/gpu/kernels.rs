@@ -213,6 +213,7 @@ pub fn assert_close(found: &[f64], expected: &[f64], bound: f64, what: &str) {
 
 pub fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
     let precision = gpu.context().precision;
+    let is_software = gpu.context().adapter.is_software;
     let expected = results(Cpu::<f32>::default(), data);
     let found = results(gpu, data);
     // Sums of a few to a few thousand numbers of size one.
@@ -225,6 +226,11 @@ pub fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
         Precision::F32 => f64::from(f32::EPSILON),
     };
     let bound = unit * (4.0 + widest);
+    // A GPU may fuse the products and sums of the smoother, which is in f32: z differs in its last digit, and all that follows.
+    let single = match is_software {
+        true => 0.0,
+        false => f64::from(f32::EPSILON) * (4.0 + D as f64),
+    };
     let what = &format!("{what} of {D} in {precision}");
     assert_close(
         &found.subtracted,
@@ -254,7 +260,7 @@ pub fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
     assert_close(
         &found.product,
         &expected.product,
-        bound,
+        bound.max(single),
         &format!("Kp, {what}"),
     );
     // The CPU adds up in another order.
@@ -272,7 +278,7 @@ pub fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
     assert_eq!((s.done, s.broken), (e.done, e.broken), "{what}");
     for (found, expected) in [(s.energy, e.energy), (s.recent, e.recent)] {
         assert!(
-            (found / expected - 1.0).abs() < 2.0 * of_sum,
+            (found / expected - 1.0).abs() < 2.0 * of_sum.max(single),
             "{what}: {s:?} {e:?}"
         );
     }
@@ -282,7 +288,7 @@ pub fn compare<const D: usize>(data: &Data<D>, gpu: Gpu, what: &str) {
         assert_close(
             &found.step[i],
             &expected.step[i],
-            bound,
+            bound.max(single),
             &format!("{name}, {what}"),
         );
     }
