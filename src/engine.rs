@@ -91,6 +91,11 @@ const LAUNCHES: f64 = 45.0;
 /// H100.
 #[cfg(feature = "gpu")]
 const SINGLE: f64 = 1.5;
+/// A warning.
+#[cfg(feature = "gpu")]
+const SOFTWARE: &str = "this adapter computes on the CPU, far slower than --backend cpu. Where there is a GPU, its Vulkan driver was not \
+     found: in a container it needs the capability \"graphics\" (NVIDIA_DRIVER_CAPABILITIES=all) and the package libvulkan1; an NVIDIA \
+     card that is divided (MIG) has no Vulkan";
 /// Bytes of the vectors that measure a bandwidth: beyond the caches of all but the largest processors.
 #[cfg(feature = "gpu")]
 const MEASURED: usize = 64 << 20;
@@ -631,6 +636,9 @@ fn on_device<const D: usize>(
             Precision::F32 => " inside f64 refinement",
         }
     ));
+    if context.adapter.is_software {
+        log(SOFTWARE);
+    }
     let gpu = Gpu::new(context).map_err(PcgError::from)?;
     let dual = NestedDual::new(problem, gpu, options.preconditioner)?;
     Ok(Path::Gpu(Box::new(dual), Arc::clone(context)))

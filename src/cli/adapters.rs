@@ -18,13 +18,17 @@ pub fn run() -> Result<u8, String> {
             Some(bytes) => format!("{} MiB", bytes >> 20),
             None => "not told".to_owned(),
         };
+        let place = match adapter.bus.as_str() {
+            "" => String::new(),
+            bus => format!(" at {bus}"),
+        };
         let used = match &adapter.unsuitable {
             Some(reason) => format!("cannot be used: {reason}"),
             None if adapter.f64 => "f64 kernels".to_owned(),
             None => "f32 kernels inside f64 refinement".to_owned(),
         };
         super::print(&format!(
-            "{number}: {adapter}\n   {used}\n   driver {}\n   f64 {}, subgroups {}, timestamps {}\n   \
+            "{number}: {adapter}{place}\n   {used}\n   driver {}\n   f64 {}, subgroups {}, timestamps {}\n   \
              memory {memory}, one binding {} MiB, one buffer {} MiB\n",
             adapter.driver,
             yes_no(adapter.f64),

@@ -66,9 +66,7 @@ impl PcgError {
     }
 }
 
-/// Iterations between two looks at the progress where nothing predicts how many are left.
-const CHUNK: usize = 16;
-/// At most this many, so that a request to stop is answered soon.
+/// Iterations between two looks at the progress at most, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
 /// A relative residual that is out of reach because of rounding.
@@ -117,8 +115,8 @@ pub struct Pcg<B: Backend> {
     rate: f64,
     /// How α rᵀz falls from iteration to iteration.
     falls: Falls,
-    /// Iterations of the last run to an energy, from zero and from a given x.
-    last: [usize; 2],
+    /// Iterations of the last two runs to an energy from zero, to one from a given x, and to a residual that is not relative.
+    last: [[usize; 2]; 3],
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
     /// The costs.
@@ -295,7 +293,7 @@ impl<B: Backend> Pcg<B> {
             state,
             rate: 1.0,
             falls,
-            last: [0; 2],
+            last: Default::default(),
             rounding: refine::ROUNDING,
             counts: SolveCounts::default(),
         }
@@ -314,7 +312,7 @@ impl<B: Backend> Pcg<B> {
         (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
         self.state = self.backend.state(&self.matrix, &self.x)?;
         // The measurements of earlier runs belong to the K before.
-        (self.rate, self.last, self.rounding) = (1.0, [0; 2], refine::ROUNDING);
+        (self.rate, self.last, self.rounding) = (1.0, Default::default(), refine::ROUNDING);
         self.falls.forget();
         let Self {
             backend,
@@ -425,13 +423,16 @@ impl<B: Backend> Pcg<B> {
         preconditioner.cycle(backend, state)?;
         backend.direction(r, preconditioner.z(), p, state);
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
-        let kind = usize::from(goals.continues);
-        let predicted = if to_energy {
-            self.last[kind]
+        let kind = match to_energy {
+            true => usize::from(goals.continues),
+            false => 2,
+        };
+        let predicted = if to_energy || goals.residual > 0.0 {
+            // An iteration without effect costs more than a look.
+            self.last[kind][0].min(self.last[kind][1])
         } else {
             (-(goals.residual_part.max(1e-16)).ln() / self.rate).ceil() as usize
         };
-        // An iteration without effect costs more than a look.
         let mut chunk = predicted.clamp(1, MAX_CHUNK);
         let mut issued = 0;
         loop {
@@ -460,8 +461,8 @@ impl<B: Backend> Pcg<B> {
             let lost = !progress.rr.is_finite();
             if progress.done || free || lost {
                 self.counts.iterations += progress.iterations;
+                self.last[kind] = [progress.iterations, self.last[kind][0]];
                 if to_energy {
-                    self.last[kind] = progress.iterations;
                     self.falls.learn(&progress);
                 } else if progress.iterations > 0 {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
@@ -486,11 +487,9 @@ impl<B: Backend> Pcg<B> {
                     iterations: progress.iterations,
                 });
             }
-            chunk = match iterations_left(&goals, &progress) {
-                // What is left seldom exceeds what was needed so far, and a few looks late in a run cost little.
-                Some(left) => left.min(issued.max(CHUNK)).max(issued / 8),
-                None => issued.max(CHUNK),
-            };
+            // The first iterations say little about later ones; a few looks, late in a run, cost little.
+            chunk = iterations_left(&goals, &progress)
+                .map_or(issued, |left| left.min(2 * issued).max(issued / 8));
             chunk = chunk.min(MAX_CHUNK);
         }
     }

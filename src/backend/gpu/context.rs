@@ -42,6 +42,8 @@ pub struct AdapterSummary {
     pub driver: String,
     /// vulkan, metal, dx12, gl.
     pub api: String,
+    /// Its address on the PCI bus, which tells equal cards apart; empty if unknown.
+    pub bus: String,
     /// Discrete, integrated, virtual or software.
     pub kind: &'static str,
     /// Whether it computes on the CPU.
@@ -144,6 +146,7 @@ fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
         },
         is_software: info.device_type == wgpu::DeviceType::Cpu,
         api: info.backend.to_string(),
+        bus: info.device_pci_bus_id,
         driver: format!("{} {}", info.driver, info.driver_info)
             .trim()
             .to_owned(),
@@ -428,7 +431,10 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
     let list = || {
         all.iter()
             .enumerate()
-            .map(|(i, (_, s))| format!("\n  {i}: {s}"))
+            .map(|(i, (_, s))| match s.bus.as_str() {
+                "" => format!("\n  {i}: {s}"),
+                bus => format!("\n  {i}: {s} at {bus}"),
+            })
             .collect::<String>()
     };
     if all.is_empty() {
@@ -443,7 +449,10 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
             return vec![number];
         }
         let wanted = wanted.to_lowercase();
-        let is_named = |&i: &usize| all[i].1.name.to_lowercase().contains(&wanted);
+        let is_named = |&i: &usize| {
+            let AdapterSummary { name, bus, .. } = &all[i].1;
+            name.to_lowercase().contains(&wanted) || bus.to_lowercase() == wanted
+        };
         (0..all.len()).filter(is_named).collect()
     };
     let candidates = match &wanted {
@@ -452,7 +461,7 @@ fn choose(options: &GpuOptions) -> Result<(wgpu::Adapter, AdapterSummary, String
     };
     let Some(&best) = candidates.first() else {
         return Err(GpuError::NoAdapter(format!(
-            "no adapter has \"{}\" in its name{}; there are:{}",
+            "no adapter has \"{}\" in its name or as its PCI address{}; there are:{}",
             wanted.unwrap_or_default(),
             if by_variable {
                 " (requested by the variable WGPU_ADAPTER_NAME)"
