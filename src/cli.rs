@@ -216,7 +216,7 @@ struct GpuArguments {
     /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not affected
     #[arg(long, value_enum, default_value = "auto")]
     precision: Precision,
-    /// The GPU or software adapter to take: a part of its name, or its number in the list of `signorini adapters`
+    /// The GPU or software adapter to take: a part of its name, its PCI address, or its number in the list of `signorini adapters`
     ///
     /// With --backend auto and --stiffness pcg it is used however small the problem is.
     #[arg(long, value_name = "NAME")]
@@ -261,7 +261,7 @@ impl EngineArguments {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Backend {
-    /// PCG on a real GPU, if there is one, from 50 000 unknowns on; the CPU otherwise, and where a GPU fails
+    /// PCG on a real GPU from 50 000 unknowns on, if it is faster; the CPU otherwise, and where a GPU fails
     Auto,
     /// The CPU
     Cpu,

@@ -488,8 +488,12 @@ impl<B: Backend> Pcg<B> {
                 });
             }
             // The first iterations say little about later ones; a few looks, late in a run, cost little.
-            chunk = iterations_left(&goals, &progress)
+            let left = iterations_left(&goals, &progress)
                 .map_or(issued, |left| left.min(2 * issued).max(issued / 8));
+            chunk = match predicted.saturating_sub(issued) {
+                0 => left,
+                predicted => left.min(predicted),
+            };
             chunk = chunk.min(MAX_CHUNK);
         }
     }

@@ -55,6 +55,22 @@ fn all(templates: &[&str], options: &[&str]) {
         let plain = solve(name, &["--stiffness", "cholesky"], directory.path());
         let report = solve(name, options, directory.path());
         println!("{name} {options:?}: n_A {}", report["n_A"]);
+        // Hardly any iteration is issued in vain, and the device does not wait for long recordings.
+        let costs = &report["costs"];
+        let count = |pointer: &str| costs.pointer(pointer).and_then(|count| count.as_f64());
+        if let (Some(issued), Some(iterations)) =
+            (count("/solves/issued"), count("/solves/iterations"))
+        {
+            assert!(issued <= 1.3 * iterations, "{name} {options:?}: {costs}");
+        }
+        if let (Some(dispatches), Some(submissions)) =
+            (count("/device/dispatches"), count("/device/submissions"))
+        {
+            assert!(
+                dispatches <= 64.0 * submissions,
+                "{name} {options:?}: {costs}"
+            );
+        }
         let (a, b) = (forces(&plain), forces(&report));
         assert_eq!(a.len(), b.len());
         let scale = a
