@@ -107,6 +107,35 @@ fn second_order() {
     on_both_paths(&case, &[1, 2, 3]);
 }
 
+/// Shapes and orders in space, with so many unknowns that all loops are split.
+#[test]
+fn shapes_in_space() {
+    for (shape, order, cells) in [
+        ("tetrahedron", 1, 18),
+        ("hexahedron", 1, 18),
+        ("tetrahedron", 2, 9),
+        ("hexahedron", 2, 9),
+    ] {
+        let set = [
+            format!("mesh.box.shape=\"{shape}\""),
+            format!("mesh.order={order}"),
+            format!("mesh.box.cells=[{cells}, {cells}, {cells}]"),
+        ];
+        let mut case = vec!["examples/ball.toml"];
+        case.extend(PCG);
+        for value in &set {
+            case.extend(["--set", value]);
+        }
+        compare(&case, &[1, 7]);
+    }
+}
+
+/// A pair of bodies in space, from a mesh file, in load steps with Coulomb friction.
+#[test]
+fn pairs_in_space() {
+    on_both_paths(&["examples/brake.toml"], &[1, 7]);
+}
+
 /// The kernels do not know how many threads the host has.
 #[test]
 fn gpu() {

@@ -504,6 +504,18 @@ mod tests {
         }
     }
 
+    /// Writes every module in f32 to a folder, for `tests/webgpu.sh`.
+    #[test]
+    #[ignore = "writes files for tests/webgpu.sh"]
+    fn write_modules() {
+        let folder = std::env::var("SIGNORINI_WGSL").expect("a folder for the modules");
+        for kernel in all() {
+            let name = kernel.to_string().replace(' ', "_").replace('×', "x");
+            let path = format!("{folder}/{name}.wgsl");
+            std::fs::write(path, kernel.assemble(Precision::F32)).expect("the folder is there");
+        }
+    }
+
     /// A buffer bound twice in a dispatch is only read, and no kernel uses more buffers than an adapter must have.
     #[test]
     fn bindings_agree_with_the_host() {

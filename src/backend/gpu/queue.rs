@@ -202,7 +202,7 @@ impl Gpu {
             }
         }
         drop(commands);
-        if let Some(times) = &self.times {
+        if let Some(times) = self.times.as_ref().filter(|_| !dispatched.is_empty()) {
             times.resolve(&mut encoder, dispatched.len());
         }
         context.submitting();
