@@ -66,7 +66,10 @@ impl PcgError {
     }
 }
 
-/// Iterations between two looks at the progress at most, so that a request to stop is answered soon.
+/// Iterations between two looks at the progress at most, or an eighth of those made: a K that is singular up to rounding shows itself
+/// by a residual that grows in between.
+const CHUNK: usize = 16;
+/// At most this many, so that a request to stop is answered soon.
 const MAX_CHUNK: usize = 256;
 
 /// A relative residual that is out of reach because of rounding.
@@ -487,14 +490,16 @@ impl<B: Backend> Pcg<B> {
                     iterations: progress.iterations,
                 });
             }
-            // The first iterations say little about later ones; a few looks, late in a run, cost little.
-            let left = iterations_left(&goals, &progress)
-                .map_or(issued, |left| left.min(2 * issued).max(issued / 8));
-            chunk = match predicted.saturating_sub(issued) {
-                0 => left,
-                predicted => left.min(predicted),
+            // The first iterations say little about later ones.
+            let most = (2 * issued).min((issued / 8).max(CHUNK)).min(MAX_CHUNK);
+            chunk = match (
+                predicted.saturating_sub(issued),
+                iterations_left(&goals, &progress),
+            ) {
+                (0, None) => issued.min(most),
+                (0, Some(left)) => left.clamp((issued / 8).clamp(1, most), most),
+                (predicted, _) => predicted.min(most),
             };
-            chunk = chunk.min(MAX_CHUNK);
         }
     }
 }
