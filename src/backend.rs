@@ -157,6 +157,16 @@ pub struct Progress {
     pub broken: bool,
 }
 
+impl Progress {
+    /// The estimate of eᵀKe from the last iterations; a single α rᵀz counts `to_come` times.
+    pub(crate) fn remaining(&self, to_come: f64) -> f64 {
+        match self.recent_terms {
+            0 | 1 => self.recent * to_come,
+            _ => self.recent,
+        }
+    }
+}
+
 /// The start and the end of a CG run: it ends at the first goal that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
@@ -173,16 +183,6 @@ pub struct Run {
     /// The estimate of eᵀKe relative to the last α rᵀz, where only that term counts; a sum of several terms is itself
     /// the estimate.
     pub to_come: f64,
-}
-
-impl Run {
-    /// The estimate of eᵀKe from the last iterations.
-    pub(crate) fn remaining_of(&self, progress: &Progress) -> f64 {
-        match progress.recent_terms {
-            0 | 1 => progress.recent * self.to_come,
-            _ => progress.recent,
-        }
-    }
 }
 
 impl Default for Run {

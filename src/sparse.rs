@@ -446,13 +446,9 @@ pub(crate) fn collect_rows<T: Copy + Default + Send + Sync>(
         starts.extend(ends.iter().map(|end| before + end));
     }
     let mut all = vec![T::default(); starts[n]];
-    let mut rest = &mut all[..];
-    let mut places = Vec::with_capacity(parts.len());
-    for (_, part) in &parts {
-        let (place, after) = std::mem::take(&mut rest).split_at_mut(part.len());
-        places.push(place);
-        rest = after;
-    }
+    let ends = starts[1..].chunks(ROWS_PER_TASK);
+    let ends: Vec<usize> = ends.map(|ends| ends[ends.len() - 1]).collect();
+    let places: Vec<&mut [T]> = split_rows(&mut all, &ends).into_iter().flatten().collect();
     (places.into_par_iter().zip(parts)).for_each(|(place, (_, part))| place.copy_from_slice(&part));
     (starts, all)
 }

@@ -109,20 +109,11 @@ impl State {
         Some(alpha)
     }
 
-    /// The estimate of eᵀKe.
-    fn remaining(&self) -> f64 {
-        let recent = self.full_block + self.open_block;
-        if self.in_full + self.in_open > 1 {
-            recent
-        } else {
-            recent * self.to_come
-        }
-    }
-
     /// Whether an iteration has ended the run. Written so that NaN does.
     fn is_over(&self) -> bool {
         !(self.rr > self.goal)
-            || !(self.remaining() > self.remaining_goal + self.remaining_part * self.energy)
+            || !(self.progress().remaining(self.to_come)
+                > self.remaining_goal + self.remaining_part * self.energy)
     }
 
     /// Takes pᵀKp of the direction p.

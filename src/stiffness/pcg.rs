@@ -172,7 +172,7 @@ impl Watch {
 fn iterations_left(goals: &Run, progress: &Progress) -> Option<usize> {
     // Of squares, as the residual and the energy here.
     let fall = (progress.rr_start / progress.rr).ln() / progress.iterations as f64;
-    let remaining = goals.remaining_of(progress);
+    let remaining = progress.remaining(goals.to_come);
     let goal = goals.remaining + goals.remaining_part * progress.energy;
     let above = (progress.rr / progress.goal).min(remaining / goal);
     let left = (above.ln() / fall).ceil();

@@ -3,7 +3,7 @@
 use super::kernels::{Kernels, WIDTH};
 use crate::backend::{BackendError, GpuOptions, Precision};
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 
 /// A GPU could not be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -300,6 +300,40 @@ impl Context {
     /// Waits for all work submitted so far.
     pub(super) fn wait(&self) -> Result<wgpu::PollStatus, wgpu::PollError> {
         self.device.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Waits for all work submitted so far, and passes the first bytes of a buffer that the host can map to `take`.
+    pub(super) fn mapped(
+        &self,
+        buffer: &Buffer,
+        bytes: u64,
+        take: impl FnOnce(&[u8]),
+    ) -> Result<(), BackendError> {
+        let slice = buffer.buffer.slice(0..bytes);
+        let (sender, receiver) = mpsc::channel();
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            // The receiver is gone only if the wait below has failed.
+            let _ = sender.send(result);
+        });
+        let polled = self.wait();
+        self.check()?;
+        let fault = |reason: String| BackendError::Fault {
+            adapter: self.adapter.to_string(),
+            reason,
+        };
+        polled.map_err(|error| fault(error.to_string()))?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(fault(error.to_string())),
+            Err(_) => return Err(fault("a buffer was not mapped".to_owned())),
+        }
+        let view = slice
+            .get_mapped_range()
+            .map_err(|error| fault(error.to_string()))?;
+        take(&view);
+        drop(view);
+        buffer.buffer.unmap();
+        Ok(())
     }
 
     /// Bytes of one storage binding.

@@ -7,7 +7,7 @@ use super::timing::Work;
 use super::{Gpu, PIECE_BYTES, Params, STATE_BYTES};
 use crate::backend::{BackendError, Precision, Run};
 use std::collections::HashSet;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use wgpu::BufferUsages;
 
 /// Sets of parameters that are kept on the device at most: a hierarchy has some hundred.
@@ -251,30 +251,7 @@ impl Gpu {
         self.submit(Some((&staging, sources)));
         self.in_flight.clear();
         self.counters.readbacks += 1;
-        let slice = staging.buffer.buffer.slice(0..bytes);
-        let (sender, receiver) = mpsc::channel();
-        slice.map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver is gone only if the wait below has failed.
-            let _ = sender.send(result);
-        });
-        let polled = self.context.wait();
-        self.context.check()?;
-        let fault = |reason: String| BackendError::Fault {
-            adapter: self.context.adapter.to_string(),
-            reason,
-        };
-        polled.map_err(|error| fault(error.to_string()))?;
-        match receiver.try_recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(fault(error.to_string())),
-            Err(_) => return Err(fault("a buffer was not mapped".to_owned())),
-        }
-        let view = slice
-            .get_mapped_range()
-            .map_err(|error| fault(error.to_string()))?;
-        take(&view);
-        drop(view);
-        staging.buffer.buffer.unmap();
+        self.context.mapped(&staging.buffer, bytes, take)?;
         self.staging = Some(staging);
         Ok(())
     }

@@ -6,7 +6,6 @@ use super::kernels::Kernel;
 use super::queue::MOST_COMMANDS;
 use crate::backend::{Backend as _, BackendError};
 use std::collections::HashMap;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
 
@@ -128,28 +127,20 @@ impl Gpu {
         let Some(times) = &mut self.times else {
             return;
         };
-        let slice = times.readable.buffer.buffer.slice(..);
-        let (sender, receiver) = mpsc::channel();
-        slice.map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver is gone only if the wait below has failed.
-            let _ = sender.send(result);
-        });
+        let unit = 1e-9 * f64::from(self.context.queue.get_timestamp_period());
+        let readable = &times.readable.buffer;
+        let sums = &mut times.sums;
         // A fault shows where results are read.
-        let _ = self.context.wait();
-        if let Ok(Ok(())) = receiver.try_recv()
-            && let Ok(view) = slice.get_mapped_range()
-        {
-            let ticks: &[u64] = bytemuck::cast_slice(&view);
-            let unit = 1e-9 * f64::from(self.context.queue.get_timestamp_period());
+        let _ = self.context.mapped(readable, readable.size, |bytes| {
+            let ticks: &[u64] = bytemuck::cast_slice(bytes);
             for (work, ticks) in dispatched.iter().zip(ticks.as_chunks::<2>().0) {
                 let (dispatches, seconds, bytes) =
-                    times.sums.entry((work.kernel, work.count)).or_default();
+                    sums.entry((work.kernel, work.count)).or_default();
                 *dispatches += 1;
                 *seconds += unit * ticks[1].saturating_sub(ticks[0]) as f64;
                 *bytes += work.bytes;
             }
-        }
-        times.readable.buffer.buffer.unmap();
+        });
     }
 
     /// The times since [`Gpu::time_kernels`], which this ends; the longest first.

@@ -79,14 +79,9 @@ impl Falls {
 
     /// The change of x by a run and the remaining error, where energies are `unit` times those of the run.
     pub fn followed(&self, progress: &Progress, unit: f64) -> Correction {
-        let to_come = if progress.recent_terms > 1 {
-            1.0
-        } else {
-            self.to_come()
-        };
         Correction {
             change: (unit * progress.energy).sqrt(),
-            remaining: (unit * progress.recent * to_come).sqrt(),
+            remaining: (unit * progress.remaining(self.to_come())).sqrt(),
             slow: self.is_slow(),
         }
     }
