@@ -31,4 +31,6 @@ if ! "$environment/bin/python" -c "import gmsh, pyvista" 2>/dev/null; then
     echo "Gmsh or VTK cannot be loaded: installing the libraries that they draw with."
     install libegl1 libgl1 libglu1-mesa libx11-6 libxcursor1 libxft2 libxinerama1 libxrender1
 fi
+# The result page is read in a browser.
+command -v chromium >/dev/null || install chromium
 exec "$environment/bin/python" -m pytest -c python/pyproject.toml python/tests "$@"

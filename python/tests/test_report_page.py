@@ -1,4 +1,4 @@
-"""report.html in a browser. Needs Debian's chromium, so it is not among the others: sh tests/python.sh -m browser."""
+"""report.html in a browser: Debian's chromium, which tests/python.sh installs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from typing import Any
 import pytest
 
 import signorini
-
-pytestmark = pytest.mark.browser
 
 PRESSURE = 1e6
 
@@ -34,13 +32,22 @@ addEventListener("load", () => setTimeout(() => {
   slider.dispatchEvent(new Event("input"));
   point();
   found.first = [value(), ticks(), slider.getAttribute("aria-valuetext")];
+  const contact = () => document.querySelector("figure[data-of=contact] svg title, figure[data-of=contact] svg text").textContent;
+  found.contact = contact();
+  found.states = [...document.querySelectorAll(".dot")].map((row) => row.textContent);
+  const play = [...document.querySelectorAll("button")].find((button) => button.textContent === "Play");
+  play.click();
+  found.play = [play.textContent];
   [...document.querySelectorAll("label")].find((label) => label.textContent.includes("same colours")).querySelector("input").click();
   found.fixed = ticks();
   canvas.dispatchEvent(new PointerEvent("pointerleave"));
   found.away = value();
   canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
   found.key = value();
-  document.body.innerHTML = "<pre>" + JSON.stringify(found) + "</pre>";
+  setTimeout(() => {
+    found.play.push(play.textContent, slider.value, contact());
+    document.body.innerHTML = "<pre>" + JSON.stringify(found) + "</pre>";
+  }, 1000);
 }, 300));
 </script>
 """
@@ -51,12 +58,17 @@ def chromium(*arguments: str) -> str:
     return subprocess.run([*shared, *arguments], capture_output=True, text=True, check=True, timeout=120).stdout
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["plane", "space"])
+def page(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """A block pressed on a smooth floor, by half of the load, then all: the stress is the pressure, everywhere."""
-    model = signorini.Model(signorini.box([1, 1, 1], [3, 3, 3])).material(young=1e11, poisson=0.3)
-    model.support("left", symmetry=True).support("front", symmetry=True).traction("top", pressure=PRESSURE)
-    model.contact("bottom", obstacle={"half_space": {"point": [0, 0, 0], "normal": [0, 0, 1]}}).steps([0.5, 1])
+    if request.param == "plane":
+        model = signorini.Model(signorini.rectangle([1, 1], [3, 3])).analysis(plane="plane_stress")
+        floor: Any = {"half_plane": {"point": [0, 0], "normal": [0, 1]}}
+    else:
+        model = signorini.Model(signorini.box([1, 1, 1], [3, 3, 3])).support("front", symmetry=True)
+        floor = {"half_space": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    model.material(young=1e11, poisson=0.3).support("left", symmetry=True).traction("top", pressure=PRESSURE)
+    model.contact("bottom", obstacle=floor).steps([0.5, 1])
     directory = tmp_path_factory.mktemp("page")
     model.solve(check=True).write(directory, plots=True)
     return directory / "report.html"
@@ -78,6 +90,8 @@ def test_pointer_slider_and_colours(page: Path) -> None:
         assert (name, unit) == ("von Mises stress", "Pa") and abs(float(number) / stress - 1) < 1e-3
     assert found["first"][2] == "1" and found["away"] == ""
     assert found["fixed"] == found["last"][1] != found["first"][1]
+    assert found["contact"].endswith("load step 1") and found["states"] in ([], ["in contact", "separated"])
+    assert found["play"][:2] == ["Stop", "Play"] and found["play"][2] == "1" and found["play"][3].endswith("load step 2")
 
 
 def test_dark(page: Path) -> None:

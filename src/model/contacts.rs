@@ -159,15 +159,14 @@ where
     /// The part of the master boundary that is opposite but not met, in words.
     pub fn unmet_text(&self, units: &Units) -> Option<String> {
         let unmet = self.unmet.as_ref()?;
-        let facets = match (D, unmet.facets) {
-            (2, 1) => "1 edge".to_owned(),
-            (2, n) => format!("{n} edges"),
-            (_, 1) => "1 face".to_owned(),
-            (_, n) => format!("{n} faces"),
+        let kind = if D == 2 { "edge" } else { "face" };
+        let (facets, have, meet) = match unmet.facets {
+            1 => (format!("1 {kind}"), "has", "meets"),
+            n => (format!("{n} {kind}s"), "have", "meet"),
         };
         Some(format!(
-            "{facets} of \"{}\", the largest around {}, have an area of {:.3e}{} opposite within the search distance \
-             but meet nothing: something else is nearer, or the sides are folded there",
+            "{facets} of \"{}\", the largest around {}, {have} an area of {:.3e}{} opposite within the search distance \
+             but {meet} nothing: something else is nearer, or the sides are folded there",
             self.against,
             Location::from(unmet.place),
             unmet.area,

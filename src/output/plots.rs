@@ -25,6 +25,7 @@ use bodies::Bodies;
 use chart::Chart;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use surface::Surface;
 pub use view::View;
 
 /// A picture of a solve.
@@ -38,7 +39,7 @@ pub struct Picture {
     pub title: String,
     /// The picture itself.
     pub svg: String,
-    /// Its rotatable view in `report.html`.
+    /// Its view in `report.html`.
     pub view: Option<View>,
 }
 
@@ -47,7 +48,7 @@ pub trait Draw<const D: usize>: Space<D>
 where
     ElementKind: Space<D>,
 {
-    /// The deformed bodies under a title, and their rotatable view.
+    /// The deformed bodies under a title, and their view.
     fn deformed(title: &str, bodies: &Bodies<D>) -> (String, Option<View>);
 
     /// A contact under a title.
@@ -112,7 +113,18 @@ where
 /// The deformed bodies, and a chart for each contact.
 impl Draw<2> for ElementKind {
     fn deformed(title: &str, bodies: &Bodies) -> (String, Option<View>) {
-        (picture::svg(title, bodies), None)
+        let view = || {
+            let mesh = &bodies.elastic.mesh;
+            let obstacles = obstacles::bands(bodies.elastic);
+            View::new(
+                bodies,
+                &Surface::of_plane(mesh),
+                &obstacles,
+                [0.0, 0.0, 1.0],
+            )
+        };
+        let (svg, view) = rayon::join(|| picture::svg(title, bodies), view);
+        (svg, Some(view))
     }
 
     fn contact(title: &str, bodies: &Bodies, pair: usize) -> String {
@@ -124,7 +136,9 @@ impl Draw<2> for ElementKind {
 impl Draw<3> for ElementKind {
     fn deformed(title: &str, bodies: &Bodies<3>) -> (String, Option<View>) {
         let solids = solid::Solids::new(bodies);
-        let (svg, view) = rayon::join(|| solids.svg(title), || View::new(&solids));
+        let back = solids.cameras[0].back;
+        let view = || View::new(bodies, &solids.surface, &solids.obstacles, back);
+        let (svg, view) = rayon::join(|| solids.svg(title), view);
         (svg, Some(view))
     }
 

@@ -185,7 +185,7 @@ fn the_program_writes_all_of_a_solid() {
             assert!(contact.contains(text), "{text}");
         }
         // The view that can be turned: of both steps, with nothing from outside.
-        assert!(page.contains("id=\"solid-data\"") && page.contains("\"name\":\"2\""));
+        assert!(page.contains("id=\"bodies-data\"") && page.contains("\"name\":\"2\""));
         let outside = page.replace("http://www.w3.org/2000/svg", "");
         assert!(!outside.contains("http"), "an address");
         assert_eq!(

@@ -18,8 +18,8 @@ summary { cursor: pointer; margin: .5rem 0 } figure { margin: 1rem 0; overflow-x
 @media print { :root { --ink: #000; --paper: #fff; --line: #ccc; --quiet: #444 } body { font-size: 8.5pt; line-height: 1.3; max-width: none; margin: 0; padding: 0; columns: 2; column-gap: 8mm } h1, h1 + p, .wide { column-span: all } h2 { font-size: 10.5pt; margin-top: 0; break-after: avoid } figure { margin: .3rem 0; break-inside: avoid; overflow: visible } figure svg { max-height: 78mm; width: 100% } section { break-inside: avoid; padding-top: .8rem } th, td { padding: .1rem .5rem .1rem 0 } .scroll { overflow: visible } details:not([open]), summary, noscript { display: none } }
 ";
 
-/// Pictures of earlier load steps are on the page if there are at most this many steps.
-const MOST_STEPS: usize = 12;
+/// Pictures of earlier load steps take at most this many bytes of the page, the last steps first.
+const LARGEST_EARLIER: usize = 2 << 20;
 
 /// Tables with more columns than this take the whole width of a printed page, others one of its two columns.
 const NARROW: usize = 4;
@@ -93,23 +93,20 @@ fn head(out: &mut String, report: &Report) {
     }
 }
 
-/// The pictures of the last step and of the whole, then those of earlier steps, folded. Whether there is a view of solids
-/// that can be turned.
+/// The pictures of the last step and of the whole, then those of earlier steps, folded: the script of the view puts them where
+/// those of the last step are. Whether there is a view of the bodies.
 fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
     let last = report.steps.len();
-    let earlier = if last <= MOST_STEPS { 1..last } else { 0..0 };
     let of = |step| pictures.iter().filter(move |picture| picture.step == step);
     let on_page = of(Some(last)).chain(of(None));
-    let all = on_page
-        .clone()
-        .chain(earlier.clone().flat_map(|step| of(Some(step))));
-    let used = all.map(|picture| picture.svg.len()).sum();
+    let used: usize = on_page.clone().map(|picture| picture.svg.len()).sum();
     let views: Vec<_> = pictures.iter().filter_map(|p| p.view.as_ref()).collect();
     let mut has_view = false;
     for picture in on_page {
-        let (title, svg) = (escape(&picture.title), &picture.svg);
+        let title = escape(&picture.title);
         *out += &format!("<section aria-label=\"{title}\"><h2>{title}</h2>\n");
         // Folded by the script where the view works.
+        let used = used + LARGEST_EARLIER;
         let (open, close) = if picture.view.is_some() && view::put_view(out, &views, used) {
             has_view = true;
             let open = "<details id=\"still\" open><summary>Still picture</summary>";
@@ -117,14 +114,39 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
         } else {
             ("", "")
         };
-        *out += &format!("{open}<figure>\n{svg}</figure>{close}</section>\n");
+        *out += &format!("{open}{}{close}</section>\n", figure(picture));
     }
-    for step in earlier {
-        let svgs = of(Some(step)).map(|picture| format!("<figure>\n{}</figure>\n", picture.svg));
-        let svgs: String = svgs.collect();
-        *out += &format!("<details><summary>Load step {step}</summary>\n{svgs}</details>\n");
+    // The view shows the bodies in earlier steps.
+    let is_shown = |picture: &&Picture| !(has_view && picture.view.is_some());
+    let mut left = LARGEST_EARLIER;
+    let figures = |step| -> String { of(Some(step)).filter(is_shown).map(figure).collect() };
+    let mut has_room = |(_, figures): &(usize, String)| {
+        let rest = left.checked_sub(figures.len());
+        left = rest.unwrap_or(0);
+        rest.is_some() && !figures.is_empty()
+    };
+    let earlier = (1..last).rev().map(|step| (step, figures(step)));
+    let mut earlier: Vec<_> = earlier.take_while(|one| has_room(one)).collect();
+    earlier.reverse();
+    for (step, figures) in earlier {
+        *out += &format!(
+            "<details class=\"earlier\"><summary>Load step {step}</summary>\n{figures}</details>\n"
+        );
     }
     has_view
+}
+
+/// A picture, with the step and the part of its name that it shares with those of other steps.
+fn figure(picture: &Picture) -> String {
+    let of = match picture.step {
+        Some(step) => {
+            let name = &picture.name;
+            let of = name.strip_suffix(&format!("-{step:03}")).unwrap_or(name);
+            format!(" data-of=\"{of}\" data-step=\"{step}\"")
+        }
+        None => String::new(),
+    };
+    format!("<figure{of}>\n{}</figure>\n", picture.svg)
 }
 
 /// The components of a force.

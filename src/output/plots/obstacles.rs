@@ -1,7 +1,8 @@
-//! The part of a rigid obstacle in space near its contact, as triangles.
+//! The part of a rigid obstacle near its contact, as triangles.
 
 use crate::contact::{Obstacle, frame};
 use crate::mesh::vector::{bounds, cross, dot, length, minus, unit};
+use crate::mesh::{ElementKind, Topology};
 use crate::model::Elastic;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -42,23 +43,82 @@ impl Patch {
     }
 }
 
-/// The patches of the rigid obstacles of a case.
-pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
+/// The rigid obstacles of a case, each with the places of its contact, and the size of the mesh.
+fn obstacles<const D: usize>(
+    elastic: &Elastic<D>,
+) -> (f64, impl Iterator<Item = (Obstacle<D>, Vec<[f64; D]>)>)
+where
+    ElementKind: Topology<D>,
+{
     let (low, high) = elastic.mesh.bounding_box();
-    let size = length(minus(high, low));
-    (elastic.pairs.iter().enumerate())
-        .filter_map(|(number, pair)| {
-            let obstacle = pair.obstacle?;
-            let mut places: Vec<[f64; 3]> = (elastic.contact.places.iter().zip(&elastic.pair_of))
-                .filter(|&(_, &owner)| owner as usize == number)
-                .map(|(place, _)| place.place)
-                .collect();
-            let distance = |x: &[f64; 3]| obstacle.distance(*x).0;
-            let nearest = places.iter().map(distance).fold(f64::INFINITY, f64::min);
-            places.retain(|x| distance(x) <= nearest + NEAR * size);
-            (!places.is_empty()).then(|| patch(&obstacle, &places, AROUND * size))
-        })
+    let all = (elastic.pairs.iter().enumerate()).filter_map(|(number, pair)| {
+        let places: Vec<[f64; D]> = (elastic.contact.places.iter().zip(&elastic.pair_of))
+            .filter(|&(_, &owner)| owner as usize == number)
+            .map(|(place, _)| place.place)
+            .collect();
+        Some((pair.obstacle?, places)).filter(|(_, places)| !places.is_empty())
+    });
+    (length(minus(high, low)), all)
+}
+
+/// The patches of the rigid obstacles of a case in space.
+pub(super) fn patches(elastic: &Elastic<3>) -> Vec<Patch> {
+    let (size, all) = obstacles(elastic);
+    let near = |(obstacle, mut places): (Obstacle<3>, Vec<[f64; 3]>)| {
+        let distance = |x: &[f64; 3]| obstacle.distance(*x).0;
+        let nearest = places.iter().map(distance).fold(f64::INFINITY, f64::min);
+        places.retain(|x| distance(x) <= nearest + NEAR * size);
+        patch(&obstacle, &places, AROUND * size)
+    };
+    all.map(near).collect()
+}
+
+/// The rigid obstacles of a case in the plane, as bands below their surfaces.
+pub(super) fn bands(elastic: &Elastic<2>) -> Vec<Patch> {
+    let (size, all) = obstacles(elastic);
+    all.map(|(obstacle, places)| band(&obstacle, &places, AROUND * size))
         .collect()
+}
+
+/// The part of an obstacle of the plane around some places, as deep as the margin.
+fn band(obstacle: &Obstacle<2>, places: &[[f64; 2]], margin: f64) -> Patch {
+    let places: Vec<[f64; 3]> = places.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+    let across = |[x, y, _]: [f64; 3]| [-y, x, 0.0];
+    let rows: [Vec<[f64; 3]>; 2] = match *obstacle {
+        Obstacle::HalfSpace { point, normal } => {
+            let (point, normal) = ([point[0], point[1], 0.0], unit([normal[0], normal[1], 0.0]));
+            let axis = across(normal);
+            let ends = range(&places, |x| dot(minus(x, point), axis), margin);
+            [0.0, -margin].map(|h| {
+                ends.map(|s| along(point, &[(s, axis), (h, normal)]))
+                    .to_vec()
+            })
+        }
+        // A cylinder along an axis of the plane does not exist there.
+        Obstacle::Sphere { center, radius }
+        | Obstacle::Cylinder {
+            point: center,
+            radius,
+            ..
+        } => {
+            let center = [center[0], center[1], 0.0];
+            let first = towards(places.iter().map(|&x| minus(x, center)));
+            let axes = [first, across(first)];
+            let angle = |x| {
+                let to = minus(x, center);
+                dot(to, axes[1]).atan2(dot(to, axes[0]))
+            };
+            let ends = range(&places, angle, margin / radius).map(|phi| phi.clamp(-PI, PI));
+            [radius, (radius - margin).max(0.0)].map(|r| {
+                steps(ends)
+                    .map(|phi| on_circle(center, r, phi, axes))
+                    .collect()
+            })
+        }
+    };
+    Patch {
+        rows: rows.to_vec(),
+    }
 }
 
 /// The part of an obstacle around some places.
@@ -183,6 +243,28 @@ mod tests {
                 assert!(low < -0.2 && high > 0.25, "{obstacle:?}: {low} {high}");
             }
             assert!(!patch.outline().is_empty());
+        }
+    }
+
+    #[test]
+    fn bands_begin_at_their_obstacles_and_go_inwards() {
+        let places = [[0.1, 0.5], [0.0, 0.6], [-0.1, 0.45]];
+        let (point, normal) = ([5.0, 0.4], [0.0, 3.0]);
+        let (center, radius) = ([0.0, -1.0], 1.4);
+        for obstacle in [
+            Obstacle::HalfSpace { point, normal },
+            Obstacle::Sphere { center, radius },
+        ] {
+            let Patch { rows } = band(&obstacle, &places, 0.3);
+            for (row, depth) in rows.iter().zip([0.0, -0.3]) {
+                let distance = |&[x, y, _]: &[f64; 3]| obstacle.distance([x, y]).0;
+                assert!(
+                    row.iter().all(|x| (distance(x) - depth).abs() < 1e-12),
+                    "{row:?}"
+                );
+            }
+            let [low, high] = range(&rows[0], |x| x[0], 0.0);
+            assert!(low < -0.3 && high > 0.3, "{low} {high}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The outer surface of solids: its facets, its edges, and where it is smooth.
+//! The outer surface of solids, or all of the plane: its facets, its edges, and where it is smooth.
 
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::mesh::{Facet, Mesh, face_parts, face_ring, facet, facet_corners, facet_nodes};
@@ -62,6 +62,40 @@ pub(super) struct Edge {
 }
 
 impl Surface {
+    /// A mesh of the plane as a surface that faces the viewer.
+    pub fn of_plane(mesh: &Mesh<2>) -> Self {
+        let parts = mesh.elements.iter().flat_map(|element| {
+            let nodes = element.nodes();
+            face_parts(nodes.len()).iter().map(move |places| {
+                let corners = std::array::from_fn(|k| nodes[places[k.min(places.len() - 1)]]);
+                OuterFacet {
+                    nodes: corners,
+                    vertices: corners,
+                    region: element.region,
+                }
+            })
+        });
+        let mut facets: Vec<OuterFacet> = parts.collect();
+        facets.par_sort_by_key(|facet| facet.region);
+        let normal = [0.0, 0.0, 1.0];
+        let vertices = (0..mesh.nodes.len() as u32).map(|node| Vertex { node, normal });
+        let all = borders(facets.iter().map(|facet| facet_nodes(&facet.nodes)));
+        let edge = |border: Border| Edge {
+            ends: border.ends,
+            facets: border.facets,
+            sharp: border.count == 1 || {
+                let [a, b] = border.facets.map(|k| facets[k as usize].region);
+                a != b
+            },
+            share: 1.0,
+        };
+        Self {
+            edges: all.into_iter().map(edge).collect(),
+            vertices: vertices.collect(),
+            facets,
+        }
+    }
+
     /// The surface of a mesh.
     pub fn new(mesh: &Mesh<3>) -> Self {
         let outer = outer_facets(mesh);

@@ -1,4 +1,4 @@
-// The rotatable view of solids in report.html. It needs WebGL; without WebGL the still picture stays.
+// The view of bodies in report.html, which solids can be turned in. It needs WebGL; without WebGL the still picture stays.
 (function () {
   "use strict";
 
@@ -8,28 +8,30 @@
     uniform mat3 camera;
     uniform vec3 centre;
     uniform vec4 fit;
-    uniform float magnified, depth, lift, scale;
+    uniform float magnified, depth, lift, scale, size;
     varying vec3 facing;
     varying float shown;
     void main() {
       vec3 seen = camera * (place + magnified * displacement - centre);
       gl_Position = vec4(seen.xy * fit.xy + fit.zw, -seen.z * depth - lift, 1.0);
+      gl_PointSize = size;
       facing = camera * normal;
       shown = value < -0.5 ? value : value * scale;
     }`;
 
-  // Faces are lit from the left above the viewer: brighter towards white, darker towards black.
+  // Faces in space are lit from the left above the viewer: brighter towards white, darker towards black.
   const FACES = `
     precision mediump float;
     varying vec3 facing;
     varying float shown;
     uniform sampler2D colours;
     uniform vec4 plain;
+    uniform float lit;
     void main() {
       vec3 colour = vec3(0.80);
       if (plain.a > 0.5) colour = plain.rgb;
       else if (shown > -0.5) colour = texture2D(colours, vec2(clamp(shown, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
-      float light = 2.0 * max(dot(normalize(facing), normalize(vec3(-0.35, 0.45, 1.0))), 0.0) - 1.0;
+      float light = lit * (2.0 * max(dot(normalize(facing), normalize(vec3(-0.35, 0.45, 1.0))), 0.0) - 1.0);
       gl_FragColor = vec4(light > 0.0 ? mix(colour, vec3(1.0), 0.20 * light) : colour * (1.0 + 0.33 * light), 1.0);
     }`;
 
@@ -37,6 +39,15 @@
     precision mediump float;
     uniform vec4 plain;
     void main() { gl_FragColor = plain; }`;
+
+  const DOTS = `
+    precision mediump float;
+    uniform vec4 plain;
+    void main() {
+      float far = length(gl_PointCoord - 0.5);
+      if (far > 0.5) discard;
+      gl_FragColor = far > 0.38 ? vec4(0.13, 0.13, 0.13, 1.0) : plain;
+    }`;
 
   // Of parts; after Okabe and Ito, lighter.
   const PARTS = [[0.55, 0.72, 0.86], [0.93, 0.68, 0.45], [0.55, 0.78, 0.68], [0.83, 0.62, 0.76],
@@ -86,12 +97,18 @@
     return new Uint32Array(ends);
   }
 
-  // Displacements and fields of a step; far below zero where a field has no value.
+  // The parts of a colour #rrggbb.
+  function rgb(colour) {
+    return [1, 3, 5].map((at) => parseInt(colour.substr(at, 2), 16) / 255);
+  }
+
+  // Displacements and fields of a step, and contact nodes by their states; far below zero where a field has no value.
   function step(data) {
     const displacement = Float32Array.from(new Int16Array(bytes(data.displacements)), (v) => (v / 32767) * data.travel);
     const part = (v) => (v === 65535 ? -1e4 : v / 65534);
     const fields = data.fields.map((of) => ({ ...of, values: Float32Array.from(new Uint16Array(bytes(of.values)), part) }));
-    return { displacement, fields, magnified: data.magnified };
+    const dots = data.dots.map((of) => ({ colour: rgb(of.colour), vertices: new Uint32Array(bytes(of.vertices)) }));
+    return { displacement, fields, dots, magnified: data.magnified };
   }
 
   // The directions to the right, up and to the viewer; z is upright.
@@ -126,7 +143,7 @@
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     const at = {};
-    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "scale", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
+    for (const name of ["camera", "centre", "fit", "magnified", "depth", "lift", "scale", "size", "lit", "colours", "plain"]) at[name] = gl.getUniformLocation(made, name);
     return { made, at };
   }
 
@@ -163,17 +180,19 @@
     if (field.largest) element("div", legend, { textContent: `largest ${field.largest}` });
   }
 
+  function entry(legend, className, colour, name) {
+    const row = element("div", legend, { className });
+    element("i", row).style.background = colour;
+    row.append(name);
+  }
+
   function nameParts(legend, parts) {
     legend.textContent = "";
-    parts.forEach((part, k) => {
-      const row = element("div", legend, { className: "part" });
-      element("i", row).style.background = `rgb(${PARTS[k % PARTS.length].map((v) => 255 * v)})`;
-      row.append(part.name);
-    });
+    parts.forEach((part, k) => entry(legend, "part", `rgb(${PARTS[k % PARTS.length].map((v) => 255 * v)})`, part.name));
   }
 
   // The directions of the axes, in the lower left corner.
-  function triad(overlay, { right, up, back }, ratio) {
+  function triad(overlay, { right, up, back }, axes, ratio) {
     const pen = overlay.getContext("2d"), long = 30 * ratio;
     const [x, y] = [48 * ratio, overlay.height - 48 * ratio];
     pen.clearRect(0, 0, overlay.width, overlay.height);
@@ -182,7 +201,7 @@
     pen.font = `${13 * ratio}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
-    for (const k of [0, 1, 2].sort((a, b) => back[a] - back[b])) {
+    for (const k of axes.sort((a, b) => back[a] - back[b])) {
       pen.beginPath();
       pen.moveTo(x, y);
       pen.lineTo(x + long * right[k], y - long * up[k]);
@@ -232,17 +251,16 @@
   // The data on the GPU, and their drawing.
   class Painter {
     constructor(gl, data, shape) {
-      Object.assign(this, { gl, shape, parts: data.parts, size: data.size });
+      Object.assign(this, { gl, shape, parts: data.parts, size: data.size, lit: data.plane ? 0 : 1 });
       this.radius = 0.5 * Math.hypot(...this.size);
-      this.obstacles = new Float32Array(bytes(data.obstacles));
       this.faces = program(gl, FACES);
       this.lines = program(gl, LINES);
+      this.dots = program(gl, DOTS);
       this.triangles = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.triangles);
       this.sharp = buffer(gl, gl.ELEMENT_ARRAY_BUFFER, shape.edges);
       this.places = buffer(gl, gl.ARRAY_BUFFER, shape.places);
       this.normals = buffer(gl, gl.ARRAY_BUFFER, shape.normals);
-      this.around = buffer(gl, gl.ARRAY_BUFFER, this.obstacles);
-      for (const name of ["moved", "values"]) this[name] = gl.createBuffer();
+      for (const name of ["moved", "values", "obstacles", "at"]) this[name] = gl.createBuffer();
       // The edges of the elements of each part, made when they are first drawn.
       this.wires = this.parts.map(() => null);
       palette(gl, data.colours);
@@ -328,13 +346,15 @@
       for (const { part } of visible) {
         gl.drawElements(gl.LINES, 2 * (part.edges[1] - part.edges[0]), gl.UNSIGNED_INT, 8 * part.edges[0]);
       }
-      if (shown.obstacles && this.obstacles.length) this.paintObstacles(this.use(this.lines, look, shown, -0.004));
+      this.paintDots(this.use(this.dots, look, shown, 0.004), look, shown);
+      if (shown.obstacles) this.paintObstacles(this.use(this.lines, look, shown, -0.004), shown);
       gl.disable(gl.BLEND);
     }
 
     paintFaces(at, visible, shown) {
       const { gl } = this;
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.triangles);
+      gl.uniform1f(at.lit, this.lit);
       for (const { part, k } of visible) {
         if (shown.byPart) gl.uniform4f(at.plain, ...PARTS[k % PARTS.length], 1);
         const [from, to] = part.facets.map((f) => this.shape.begin[f]);
@@ -355,15 +375,28 @@
       }
     }
 
-    // Behind the faces that they touch, so that they do not veil them.
-    paintObstacles(at) {
+    paintDots(at, look, shown) {
       const { gl } = this;
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.around);
+      const count = shown.dots.reduce((sum, of) => sum + of.vertices.length, 0), room = (0.5 * gl.canvas.clientHeight * look.zoom) / count;
+      gl.uniform1f(at.size, Math.max(3.5, Math.min(7, room)) * (window.devicePixelRatio || 1));
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.at);
+      // Contact is seen above separation.
+      for (const { colour, vertices } of [...shown.dots].reverse()) {
+        gl.uniform4f(at.plain, ...colour, 1);
+        gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, vertices, gl.STREAM_DRAW);
+        gl.drawElements(gl.POINTS, vertices.length, gl.UNSIGNED_INT, 0);
+      }
+    }
+
+    // Behind the faces that they touch, so that they do not veil them.
+    paintObstacles(at, shown) {
+      const { gl } = this;
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.obstacles);
       gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
       for (let k = 1; k < 4; k++) gl.disableVertexAttribArray(k);
       gl.uniform4f(at.plain, 0.6, 0.62, 0.65, 0.3);
       gl.depthMask(false);
-      gl.drawArrays(gl.TRIANGLES, 0, this.obstacles.length / 3);
+      gl.drawArrays(gl.TRIANGLES, 0, shown.around);
       gl.depthMask(true);
     }
   }
@@ -395,7 +428,11 @@
         told.textContent = value;
         input.setAttribute("aria-valuetext", value);
       };
-      return { value: () => Number(input.value), tell };
+      const move = (value) => {
+        input.value = value;
+        then(value);
+      };
+      return { value: () => Number(input.value), tell, move };
     }
 
     box(text, on, then) {
@@ -405,7 +442,30 @@
     }
 
     button(text, then) {
-      element("button", this.bar, { type: "button", textContent: text }).onclick = then;
+      const made = element("button", this.bar, { type: "button", textContent: text });
+      made.onclick = then;
+      return made;
+    }
+  }
+
+  // A button that moves the slider from step to step, from the first again after the last.
+  function play(controls, steps, last) {
+    let timer = null;
+    const button = controls.button("Play", () => {
+      if (timer === null) {
+        if (steps.value() === last) steps.move(0);
+        timer = setInterval(next, 400);
+      } else stop();
+      button.textContent = timer === null ? "Play" : "Stop";
+    });
+    function next() {
+      steps.move(steps.value() + 1);
+      if (steps.value() === last) stop();
+    }
+    function stop() {
+      clearInterval(timer);
+      timer = null;
+      button.textContent = "Play";
     }
   }
 
@@ -414,27 +474,29 @@
     const stage = element("div", null, { className: "stage" });
     const canvas = element("canvas", stage, { tabIndex: 0 });
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "The deformed bodies. Arrow keys turn them, plus and minus zoom, Enter tells the value in the middle.");
+    canvas.setAttribute("aria-label", `The deformed bodies. Arrow keys ${data.plane ? "move" : "turn"} them, plus and minus zoom, Enter tells the value in the middle.`);
     const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
     if (!gl || !gl.getExtension("OES_element_index_uint")) return false;
     const shape = surface(data), parts = data.parts, painter = new Painter(gl, data, shape);
-    const home = { azimuth: Math.atan2(data.back[1], data.back[0]), elevation: Math.asin(data.back[2]), zoom: 1 };
+    const azimuth = data.plane ? -Math.PI / 2 : Math.atan2(data.back[1], data.back[0]);
+    const home = { azimuth, elevation: Math.asin(data.back[2]), zoom: 1 };
     home.extent = extents(shape, data.size, axesOf(home));
     const look = { ...home, pan: [0, 0] };
     const shown = { step: null, field: 0, factor: 1, elements: shape.corners.length / 4 <= 6000, obstacles: true,
-      byPart: false, fixed: false, scale: 1, displacement: null, hidden: parts.map(() => false) };
-    const decoded = data.steps.map(() => null);
+      byPart: false, fixed: false, scale: 1, displacement: null, dots: [], around: 0, hidden: parts.map(() => false) };
+    const decoded = data.steps.map(() => null), stills = pictures();
 
     const controls = new Controls(root);
     root.appendChild(stage);
     element("p", root, { className: "note", textContent:
-      "Drag to turn, with Shift or the right button to move; the wheel or two fingers zoom. The pointer shows the value under it. With the view in focus: arrow keys, + and −, Enter for the value in the middle." });
+      (data.plane ? "Drag to move" : "Drag to turn, with Shift or the right button to move") + "; the wheel or two fingers zoom. The pointer shows the value under it. With the view in focus: arrow keys, + and −, Enter for the value in the middle." });
     const value = element("p", stage, { className: "value" });
     value.setAttribute("role", "status");
     const overlay = element("canvas", stage, { className: "axes" });
     const legend = element("div", stage, { className: "legend" });
     const last = data.steps.length - 1;
     const steps = last > 0 ? controls.slider("Load step", last, last, toStep) : null;
+    if (last > 0) play(controls, steps, last);
     const names = data.steps[0].fields.map((f) => f.name).concat(parts.length > 1 ? ["parts"] : []);
     controls.choice("Colours", names, 0, (k) => {
       shown.byPart = names[k] === "parts";
@@ -453,7 +515,7 @@
       });
     }
     controls.box("elements", shown.elements, set((on) => (shown.elements = on)));
-    if (painter.obstacles.length) controls.box("obstacles", true, set((on) => (shown.obstacles = on)));
+    if (data.obstacles) controls.box("obstacles", true, set((on) => (shown.obstacles = on)));
     if (parts.length > 1 && parts.length <= 16) {
       parts.forEach((part, k) => controls.box(part.name, true, set((on) => (shown.hidden[k] = !on))));
     }
@@ -463,8 +525,13 @@
       decoded[k] = decoded[k] || step(data.steps[k]);
       shown.step = k;
       shown.displacement = decoded[k].displacement;
+      shown.dots = decoded[k].dots;
       if (steps) steps.tell(data.steps[k].name);
       painter.fill("moved", shown.displacement);
+      const around = new Float32Array(bytes(data.steps[k].obstacles || data.obstacles));
+      shown.around = around.length / 3;
+      painter.fill("obstacles", around);
+      stills.show(data.steps[k].name);
       fill();
     }
 
@@ -478,6 +545,7 @@
       painter.fill("values", field.values);
       if (shown.byPart) nameParts(legend, parts);
       else colourBar(legend, scale, data.colours);
+      data.steps[shown.step].dots.forEach((of) => entry(legend, "part dot", of.colour, of.name));
       draw();
     }
 
@@ -509,10 +577,11 @@
       shown.factor = (slider.value() / 100) * decoded[shown.step].magnified;
       slider.tell(Number(shown.factor.toPrecision(3)));
       painter.paint(look, shown);
-      triad(overlay, axesOf(look), ratio);
+      triad(overlay, axesOf(look), data.plane ? [0, 1] : [0, 1, 2], ratio);
     }
 
     function turn(right, down) {
+      if (data.plane) return shift(100 * right, 100 * down);
       look.azimuth -= right;
       look.elevation = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, look.elevation + down));
       draw();
@@ -531,8 +600,14 @@
     }
     listen(canvas, turn, shift, zoom, point);
     // Paper has the still picture, which shows the last step.
-    window.addEventListener("beforeprint", () => still(true));
-    window.addEventListener("afterprint", () => still(false));
+    window.addEventListener("beforeprint", () => {
+      still(true);
+      stills.show(data.steps[last].name);
+    });
+    window.addEventListener("afterprint", () => {
+      still(false);
+      stills.show(data.steps[shown.step].name);
+    });
     // The GPU may be taken away: the still picture is there again.
     canvas.addEventListener("webglcontextlost", () => {
       root.hidden = true;
@@ -540,8 +615,21 @@
     });
     window.addEventListener("resize", draw);
     root.hidden = false;
-    toStep(data.steps.length - 1);
+    toStep(last);
     return true;
+  }
+
+  // The pictures of contacts of all steps. `show` puts those of a step where those of the last one are.
+  function pictures() {
+    const of = {}, figures = [...document.querySelectorAll("figure[data-of]")];
+    for (const figure of figures) {
+      const { of: name, step } = figure.dataset, here = (of[name] = of[name] || { frame: figure, pictures: {} });
+      here.pictures[step] = [...figure.childNodes];
+    }
+    document.querySelectorAll("details.earlier").forEach((details) => details.remove());
+    return { show: (step) => Object.values(of).forEach(({ frame, pictures }) => {
+      if (pictures[step]) frame.replaceChildren(...pictures[step]);
+    }) };
   }
 
   function still(open) {
@@ -549,9 +637,9 @@
     if (picture) picture.open = open;
   }
 
-  const root = document.getElementById("solid");
+  const root = document.getElementById("bodies");
   try {
-    if (start(root, JSON.parse(document.getElementById("solid-data").textContent))) still(false);
+    if (start(root, JSON.parse(document.getElementById("bodies-data").textContent))) still(false);
   } catch (error) {
     root.hidden = true;
     console.warn(error);

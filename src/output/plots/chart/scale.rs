@@ -34,7 +34,7 @@ impl Scale {
             (low, high) = (low / around, (high * around).min(f64::MAX));
         } else {
             if high - low <= 1e-12 * high.abs().max(low.abs()) {
-                let middle = high.abs().max(1e-300);
+                let middle = if high == 0.0 { 2.0 } else { high.abs() };
                 (low, high) = (low - 0.5 * middle, high + 0.5 * middle);
             }
             let margin = room * (high - low);
