@@ -230,7 +230,7 @@ pub(crate) fn followed_right_hand_side(
 /// The optimality conditions (1)–(3) of a problem at (u, λ) against the K of its operator.
 pub(crate) fn conditions<const D: usize, K>(
     problem: &ContactProblem<D, K>,
-    dual: &mut (impl DualOperator + ?Sized),
+    dual: &mut dyn DualOperator,
     u: &[f64],
     lambda: &[f64],
 ) -> Result<Kkt, DualError> {
@@ -247,7 +247,7 @@ pub(crate) fn conditions<const D: usize, K>(
 /// Where bodies can move as a whole, the estimates are those of A on the directions that leave them in balance;
 /// `project` takes a vector there.
 pub(crate) fn spectrum(
-    dual: &mut impl DualOperator,
+    dual: &mut dyn DualOperator,
     len: usize,
     project: impl Fn(&mut [f64]),
     stop: &Stop,

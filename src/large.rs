@@ -428,7 +428,7 @@ pub(crate) fn make_steps<const D: usize>(
     problem: &ContactProblem<D>,
     engine: &mut Engine,
     settings: &StepSettings,
-    observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
 ) -> Result<(), Error>
 where
     ElementKind: Space<D>,
@@ -442,7 +442,7 @@ fn make_all<const D: usize>(
     elastic: &Elastic<D>,
     engine: &mut Engine,
     settings: &StepSettings,
-    mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
 ) -> Result<(), Error>
 where
     ElementKind: Space<D>,

@@ -243,16 +243,29 @@ pub fn solve_step<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     load: &Load,
     start: &State,
-    dual: &mut (impl DualOperator + ?Sized),
+    dual: &mut dyn DualOperator,
     settings: &StepSettings,
     recycled: &mut RecycledSubspace,
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
-    settings.ssnm.check()?;
-    load.check_for(problem)?;
-    start.check_for(problem)?;
     let whole = problem.elsewhere();
-    let mut step = Process::new(whole, load, start, dual, settings, recycled, &mut observer);
+    make_step(whole, load, start, dual, settings, recycled, &mut observer)
+}
+
+/// The same, compiled once for all K and observers.
+fn make_step<const D: usize>(
+    whole: ContactProblem<D, Elsewhere>,
+    load: &Load,
+    start: &State,
+    dual: &mut dyn DualOperator,
+    settings: &StepSettings,
+    recycled: &mut RecycledSubspace,
+    observer: &mut dyn FnMut(Event) -> ControlFlow<()>,
+) -> Result<StepSolution<D>, StepError> {
+    settings.ssnm.check()?;
+    load.check_for(&whole)?;
+    start.check_for(&whole)?;
+    let mut step = Process::new(whole, load, start, dual, settings, recycled, observer);
     match step.make(start) {
         Ok(solution) => Ok(step.end(solution)),
         Err(error) => Err(StepError {
@@ -290,32 +303,28 @@ fn has_given_up(status: Status) -> bool {
 }
 
 /// A step on its way.
-struct Process<'a, const D: usize, O: ?Sized, V> {
+struct Process<'a, const D: usize> {
     /// Under the whole load; the origin of slip is T ū, minus the sliding by prescribed displacements meanwhile.
     lawful: ContactProblem<D, Elsewhere>,
-    dual: &'a mut O,
+    dual: &'a mut dyn DualOperator,
     settings: &'a StepSettings,
     recycled: &'a mut RecycledSubspace,
-    observer: V,
+    observer: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     begin: Instant,
     /// Rᵀū.
     place: Vec<f64>,
     made: Vec<Round>,
 }
 
-impl<'a, const D: usize, O, V> Process<'a, D, O, V>
-where
-    O: DualOperator + ?Sized,
-    V: FnMut(Event) -> ControlFlow<()>,
-{
+impl<'a, const D: usize> Process<'a, D> {
     fn new(
         whole: ContactProblem<D, Elsewhere>,
         load: &Load,
         start: &State,
-        dual: &'a mut O,
+        dual: &'a mut dyn DualOperator,
         settings: &'a StepSettings,
         recycled: &'a mut RecycledSubspace,
-        observer: V,
+        observer: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Self {
         Self {
             place: whole.floating_bodies().resultants(&start.u),
@@ -387,7 +396,7 @@ where
         };
         let lambda = Some(initial).filter(|l| l.iter().all(|v| v.is_finite()));
         let observer = &mut self.observer;
-        let watch = |step: &Step| observer(Event::Newton(step));
+        let watch = &mut |step: &Step| observer(Event::Newton(step));
         let mut solution = match springs {
             None => {
                 let start = WarmStart {
@@ -395,7 +404,7 @@ where
                     motion: Some(&self.place),
                     recycled: Some(self.recycled),
                 };
-                ssnm::solve_from(start, problem, self.dual, &settings, watch)?
+                ssnm::solve_elsewhere(start, problem, self.dual, &settings, watch)?
             }
             Some(stiffness) => {
                 // A has changed, and bodies are no longer free.
@@ -405,7 +414,7 @@ where
                 };
                 let mut dual = OnSprings::new(self.dual, problem, stiffness);
                 let on_springs = dual.problem(&self.place);
-                ssnm::solve_from(start, &on_springs, &mut dual, &settings, watch)?
+                ssnm::solve_elsewhere(start, &on_springs, &mut dual, &settings, watch)?
             }
         };
         self.note(springs.is_some(), &solution);

@@ -3,7 +3,7 @@
 mod steps;
 
 use crate::contact::Space;
-use crate::engine::{self, Engine, EngineError};
+use crate::engine::{self, Engine, EngineError, EngineOptions};
 use crate::large;
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Analysis, AnyBuilt, Built, Cycles, Elastic, ModelError, StepData};
@@ -126,7 +126,18 @@ where
         before: State,
         engine: &mut Engine,
         settings: &quasistatic::StepSettings,
-        observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+        mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        self.make(before, engine, settings, &mut observer)
+    }
+
+    /// The same, compiled once for all observers.
+    fn make(
+        &self,
+        before: State,
+        engine: &mut Engine,
+        settings: &quasistatic::StepSettings,
+        observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         if !engine.fits(self.problem) {
             return Err(Error::OtherMatrices);
@@ -174,6 +185,61 @@ where
         }
     }
 }
+
+/// The two long functions of a solve, compiled with this crate for the plane and for space. A generic function is compiled again in
+/// each crate that calls it: these take minutes.
+pub trait Compiled<const D: usize>: Space<D>
+where
+    ElementKind: Space<D>,
+{
+    /// [`Engine::new`].
+    ///
+    /// # Errors
+    /// Those.
+    fn engine(
+        problem: &ContactProblem<D>,
+        options: EngineOptions,
+        log: Box<dyn FnMut(&str) + Send>,
+    ) -> Result<Engine, EngineError>;
+
+    /// [`Analysis::solve_after`].
+    ///
+    /// # Errors
+    /// Those.
+    fn solve_after(
+        analysis: &Analysis<D>,
+        before: State,
+        engine: &mut Engine,
+        settings: &quasistatic::StepSettings,
+        observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
+    ) -> Result<(), Error>;
+}
+
+macro_rules! compile {
+    ($($d:literal)*) => {$(
+        impl Compiled<$d> for ElementKind {
+            fn engine(
+                problem: &ContactProblem<$d>,
+                options: EngineOptions,
+                log: Box<dyn FnMut(&str) + Send>,
+            ) -> Result<Engine, EngineError> {
+                Engine::new(problem, options, log)
+            }
+
+            fn solve_after(
+                analysis: &Analysis<$d>,
+                before: State,
+                engine: &mut Engine,
+                settings: &quasistatic::StepSettings,
+                observer: &mut dyn FnMut(Event<$d>) -> ControlFlow<()>,
+            ) -> Result<(), Error> {
+                analysis.make(before, engine, settings, observer)
+            }
+        }
+    )*};
+}
+
+compile!(2 3);
 
 impl<const D: usize> Built<D>
 where

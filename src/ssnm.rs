@@ -77,7 +77,7 @@ pub use settings::{Method, NewtonSettings, RecycledSubspace, SettingsError, Warm
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
 use crate::dual::{DualError, DualOperator, conditions};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, Elsewhere};
 use check::End;
 use scaling::Scaled;
 use setup::{SetUp, Start};
@@ -96,7 +96,7 @@ const EXACT: f64 = 1e-12;
 /// As [`solve_from`].
 pub fn solve<const D: usize, K>(
     problem: &ContactProblem<D, K>,
-    dual: &mut (impl DualOperator + ?Sized),
+    dual: &mut dyn DualOperator,
     settings: &NewtonSettings,
     observer: impl FnMut(&Step) -> ControlFlow<()>,
 ) -> Result<Solution<D>, SolveError> {
@@ -112,11 +112,22 @@ pub fn solve<const D: usize, K>(
 /// If a setting is invalid, if the start or the operator has another size than the problem, or if the operator fails; the
 /// error keeps λ and the steps made. A solve that is stopped or does not converge is not an error but has a [`Status`].
 pub fn solve_from<const D: usize, K>(
-    mut start: WarmStart,
+    start: WarmStart,
     problem: &ContactProblem<D, K>,
-    dual: &mut (impl DualOperator + ?Sized),
+    dual: &mut dyn DualOperator,
     settings: &NewtonSettings,
     mut observer: impl FnMut(&Step) -> ControlFlow<()>,
+) -> Result<Solution<D>, SolveError> {
+    solve_elsewhere(start, &problem.elsewhere(), dual, settings, &mut observer)
+}
+
+/// The same, compiled once for all K and observers.
+pub(crate) fn solve_elsewhere<const D: usize>(
+    mut start: WarmStart,
+    problem: &ContactProblem<D, Elsewhere>,
+    dual: &mut dyn DualOperator,
+    settings: &NewtonSettings,
+    observer: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Result<Solution<D>, SolveError> {
     let begin = Instant::now();
     settings.check()?;
@@ -128,7 +139,6 @@ pub fn solve_from<const D: usize, K>(
     if found != expected {
         return Err(Cause::OtherProblem { expected, found }.into());
     }
-    let problem = &problem.elsewhere();
     let dual = Scaled::new(problem, dual, settings.numbers.scaling);
     let first = Start::new(problem, &dual);
     let (imbalance, mechanism) = (first.imbalance.clone(), first.mechanism.clone());
@@ -146,8 +156,8 @@ pub fn solve_from<const D: usize, K>(
         // This is known before the first step. The rest of the load is on the boundary of the loads that can be
         // balanced, often by forces that no contact reaches: its solution would say nothing more.
         _ if !imbalance.is_empty() => Ok(Status::NotHeld),
-        Method::Multisecant => newton.run_multisecant(&mut way, settings, &mut observer),
-        _ => newton.run_as_printed(&mut way, settings, &mut observer),
+        Method::Multisecant => newton.run_multisecant(&mut way, settings, observer),
+        _ => newton.run_as_printed(&mut way, settings, observer),
     });
     if settings.method == Method::Multisecant {
         recycled.surrogate = std::mem::take(&mut newton.surrogate);

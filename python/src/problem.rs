@@ -12,7 +12,6 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use signorini::case::{Case, CaseProblem};
-use signorini::contact::Space;
 use signorini::engine::{Device, Engine, EngineOptions};
 use signorini::mesh::{ElementKind, Topology};
 use signorini::model::{Analysis, AnyAnalysis};
@@ -21,7 +20,7 @@ use signorini::problem::{
     AnyProblem, ContactProblem, Matrices, ProblemError, SparseRef, dimension,
 };
 use signorini::quasistatic::{self, StepSettings};
-use signorini::solve::{self, Event};
+use signorini::solve::{self, Compiled, Event};
 use signorini::sparse::Csr;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -437,20 +436,18 @@ impl Problem {
             changes,
         };
         let before = before.as_ref().map(|solved| &solved.run);
+        let plane = |made: Result<_, Failure>| made.map(|(run, error)| (AnyRun::Plane(run), error));
+        let space = |made: Result<_, Failure>| made.map(|(run, error)| (AnyRun::Space(run), error));
         let (made, stopped) = watched(py, hears.as_ref(), &interrupt, |voice| {
             match (self.source.analysis(), before) {
-                (AnyAnalysis::Plane(analysis), Some(AnyRun::Plane(before))) => job
-                    .make(analysis, Some(before), &voice)
-                    .map(|(r, e)| (AnyRun::Plane(r), e)),
-                (AnyAnalysis::Space(analysis), Some(AnyRun::Space(before))) => job
-                    .make(analysis, Some(before), &voice)
-                    .map(|(r, e)| (AnyRun::Space(r), e)),
-                (AnyAnalysis::Plane(analysis), None) => job
-                    .make(analysis, None, &voice)
-                    .map(|(r, e)| (AnyRun::Plane(r), e)),
-                (AnyAnalysis::Space(analysis), None) => job
-                    .make(analysis, None, &voice)
-                    .map(|(r, e)| (AnyRun::Space(r), e)),
+                (AnyAnalysis::Plane(analysis), None) => plane(job.make(analysis, None, &voice)),
+                (AnyAnalysis::Plane(analysis), Some(AnyRun::Plane(before))) => {
+                    plane(job.make(analysis, Some(before), &voice))
+                }
+                (AnyAnalysis::Space(analysis), None) => space(job.make(analysis, None, &voice)),
+                (AnyAnalysis::Space(analysis), Some(AnyRun::Space(before))) => {
+                    space(job.make(analysis, Some(before), &voice))
+                }
                 _ => Err(Failure::Before),
             }
         })?;
@@ -524,7 +521,7 @@ impl Job<'_> {
         voice: &Voice,
     ) -> Result<(Run<D>, Option<solve::Error>), Failure>
     where
-        ElementKind: Space<D>,
+        ElementKind: Compiled<D>,
     {
         let start = Instant::now();
         let is_large = analysis.elastic.is_some_and(|elastic| elastic.is_large());
@@ -571,7 +568,7 @@ impl Job<'_> {
                         let _ = to.send(News::Line(line.to_owned()));
                     }
                 };
-                let engine = Engine::new(&changed, options, log);
+                let engine = ElementKind::engine(&changed, options, Box::new(log));
                 engine.map_err(Failure::Engine)?
             }
         };
@@ -579,36 +576,42 @@ impl Job<'_> {
 
         let (mut steps, mut number) = (Vec::new(), 0);
         let state = state.unwrap_or_else(|| quasistatic::State::at_rest(&changed));
-        let made = analysis.solve_after(state, &mut engine, &self.settings, |event| {
-            let mut goes_on = true;
-            match event {
-                Event::Begins {
-                    number: n,
-                    cycle,
-                    factor,
-                } => {
-                    // Among those of all cycles; some cycles may be left out.
-                    let n_steps = analysis.n_steps();
-                    number = (cycle - 1) * n_steps + (n - 1) % n_steps + 1;
-                    voice.tell(News::Begins(number, n_steps * analysis.n_cycles(), factor));
+        let made = ElementKind::solve_after(
+            &analysis,
+            state,
+            &mut engine,
+            &self.settings,
+            &mut |event| {
+                let mut goes_on = true;
+                match event {
+                    Event::Begins {
+                        number: n,
+                        cycle,
+                        factor,
+                    } => {
+                        // Among those of all cycles; some cycles may be left out.
+                        let n_steps = analysis.n_steps();
+                        number = (cycle - 1) * n_steps + (n - 1) % n_steps + 1;
+                        voice.tell(News::Begins(number, n_steps * analysis.n_cycles(), factor));
+                    }
+                    Event::Within(quasistatic::Event::Newton(step)) if voice.is_heard() => {
+                        let mut row = serde_json::to_value(step).unwrap_or_default();
+                        row["load_step"] = number.into();
+                        goes_on = voice.ask(row.to_string(), step.to_string());
+                    }
+                    Event::Within(_) => {}
+                    Event::Ends(solved) => {
+                        report.add_step(&StepResults::new(analysis, &solved));
+                        voice.tell(News::Ends(number, word(solved.solution.status)));
+                        steps.push(Made::new(*solved));
+                    }
                 }
-                Event::Within(quasistatic::Event::Newton(step)) if voice.is_heard() => {
-                    let mut row = serde_json::to_value(step).unwrap_or_default();
-                    row["load_step"] = number.into();
-                    goes_on = voice.ask(row.to_string(), step.to_string());
+                match goes_on {
+                    true => ControlFlow::Continue(()),
+                    false => ControlFlow::Break(()),
                 }
-                Event::Within(_) => {}
-                Event::Ends(solved) => {
-                    report.add_step(&StepResults::new(analysis, &solved));
-                    voice.tell(News::Ends(number, word(solved.solution.status)));
-                    steps.push(Made::new(*solved));
-                }
-            }
-            match goes_on {
-                true => ControlFlow::Continue(()),
-                false => ControlFlow::Break(()),
-            }
-        });
+            },
+        );
         report.set_path(EnginePath::of(&engine));
         report.timings.total = start.elapsed().as_secs_f64();
         let failed = made.err();

@@ -474,7 +474,7 @@ where
             wearing: None,
         };
         let (group, mut is_apart) = (Arc::clone(&self.group), false);
-        let watched = |event: Event<D>| {
+        let mut watched = |event: Event<D>| {
             if let Event::Ends(solved) = &event {
                 is_apart |= differ(&group, &solved.solution.lambda);
             }
@@ -492,7 +492,7 @@ where
             dual,
             &settings,
             &mut self.recycled,
-            watched,
+            &mut watched,
         )?;
         match is_apart {
             true => Err(MpiError::Apart),

@@ -40,15 +40,19 @@ pub(super) enum Springs<const D: usize> {
 }
 
 /// The dual operator of a problem with floating bodies, with springs on their motions.
-pub(super) struct OnSprings<'a, O: ?Sized, const D: usize> {
-    dual: &'a mut O,
+pub(super) struct OnSprings<'a, const D: usize> {
+    dual: &'a mut dyn DualOperator,
     problem: &'a ContactProblem<D, Elsewhere>,
     /// k.
     stiffness: f64,
 }
 
-impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
-    pub fn new(dual: &'a mut O, problem: &'a ContactProblem<D, Elsewhere>, stiffness: f64) -> Self {
+impl<'a, const D: usize> OnSprings<'a, D> {
+    pub fn new(
+        dual: &'a mut dyn DualOperator,
+        problem: &'a ContactProblem<D, Elsewhere>,
+        stiffness: f64,
+    ) -> Self {
         Self {
             dual,
             problem,
@@ -104,7 +108,7 @@ impl<'a, O: DualOperator + ?Sized, const D: usize> OnSprings<'a, O, D> {
     }
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> DualOperator for OnSprings<'_, O, D> {
+impl<const D: usize> DualOperator for OnSprings<'_, D> {
     fn size(&self) -> (usize, usize) {
         self.dual.size()
     }

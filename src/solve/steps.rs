@@ -72,9 +72,9 @@ impl<const D: usize> Changed<D> {
 }
 
 /// Bodies between two load steps.
-struct Course<'a, const D: usize, O: ?Sized> {
+struct Course<'a, const D: usize> {
     problem: ContactProblem<D, Elsewhere>,
-    dual: &'a mut O,
+    dual: &'a mut dyn DualOperator,
     settings: StepSettings,
     recycled: &'a mut RecycledSubspace,
     begin: Instant,
@@ -84,7 +84,7 @@ struct Course<'a, const D: usize, O: ?Sized> {
     idle: Vec<usize>,
 }
 
-impl<const D: usize, O: DualOperator + ?Sized> Course<'_, D, O>
+impl<const D: usize> Course<'_, D>
 where
     ElementKind: Topology<D>,
 {
@@ -94,7 +94,7 @@ where
         data: Option<&StepData<D>>,
         worn: &[f64],
         rates: &[f64],
-        within: impl FnMut(quasistatic::Event) -> ControlFlow<()>,
+        within: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
     ) -> Result<StepSolution<D>, Error> {
         let stated = data.map(|data| &data.load);
         let mut load = stated.map_or_else(|| Load::of(&self.problem), Load::clone);
@@ -144,7 +144,7 @@ const SLIP: f64 = 0.01;
 /// Solves of a step at most, to find its slip.
 const PASSES: usize = 5;
 
-impl<const D: usize, O: DualOperator + ?Sized> Course<'_, D, O>
+impl<const D: usize> Course<'_, D>
 where
     ElementKind: Topology<D>,
 {
@@ -155,7 +155,7 @@ where
         (wearing, times): (&Wearing, usize),
         guess: Option<&Vec<f64>>,
         depths: &mut [f64],
-        mut within: impl FnMut(quasistatic::Event) -> ControlFlow<()>,
+        within: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
     ) -> Result<(StepSolution<D>, Vec<f64>), Error> {
         let start = self.state.clone();
         let m = depths.len();
@@ -164,7 +164,7 @@ where
         for pass in 1.. {
             let mut rates = wearing.rates(&slips);
             rates.iter_mut().for_each(|rate| *rate *= times as f64);
-            let mut solution = self.step(data, depths, &rates, &mut within)?;
+            let mut solution = self.step(data, depths, &rates, within)?;
             let found = wearing.slips(&solution);
             let normal = &solution.lambda[..m];
             let wear = |slip: &dyn Fn(usize) -> f64| -> f64 {
@@ -222,10 +222,10 @@ pub(crate) fn make_steps<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     before: State,
     plan: &Plan<D>,
-    dual: &mut (impl DualOperator + ?Sized),
+    dual: &mut dyn DualOperator,
     settings: &StepSettings,
     recycled: &mut RecycledSubspace,
-    observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
 ) -> Result<(), Error>
 where
     ElementKind: Topology<D>,
@@ -248,10 +248,10 @@ where
     Ok(())
 }
 
-fn make_cycles<const D: usize, O: DualOperator + ?Sized>(
-    course: &mut Course<D, O>,
+fn make_cycles<const D: usize>(
+    course: &mut Course<D>,
     plan: &Plan<D>,
-    mut observer: impl FnMut(Event<D>) -> ControlFlow<()>,
+    observer: &mut dyn FnMut(Event<D>) -> ControlFlow<()>,
 ) -> Result<(), Error>
 where
     ElementKind: Topology<D>,
@@ -284,7 +284,7 @@ where
                     return Ok(());
                 }
             }
-            let within = |event: quasistatic::Event| observer(Event::Within(event));
+            let within = &mut |event: quasistatic::Event| observer(Event::Within(event));
             let mut solution = match wearing {
                 None => course.step(data, &[], &[], within)?,
                 Some(wearing) => {

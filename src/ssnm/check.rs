@@ -26,7 +26,7 @@ pub(super) struct End {
     pub err_relative: f64,
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Step 1: err ≤ ε err⁰ and, beyond it, pressures as accurate as ε requires, and conditions that hold against K.
     pub fn step_1(&mut self, way: &mut Way<D>, goal: &mut Goal) -> Result<Ended, DualError> {
         let local_error = self.local_error(&way.point.lambda);

@@ -3,11 +3,11 @@
 use super::face::Face;
 use super::newton::Newton;
 use super::point::Point;
-use crate::dual::{DualError, DualOperator};
+use crate::dual::DualError;
 use crate::rounding::{DEPENDENT, INDEPENDENT};
 use crate::sparse::{add_times, dot, norm};
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Lowers the residual on the free multipliers of a face to `target`; returns the number of iterations.
     pub fn solve_inner(
         &mut self,

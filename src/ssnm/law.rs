@@ -3,7 +3,6 @@
 use super::point::project;
 use super::scaling::Scaled;
 use crate::constraint::{Disc, Projected, at, lawful, tangential};
-use crate::dual::DualOperator;
 use crate::dual::balance::Balance;
 use crate::problem::{ContactProblem, coulomb_bound, coulomb_bounds};
 use std::borrow::Cow;
@@ -17,10 +16,7 @@ pub(super) struct Law {
 }
 
 impl Law {
-    pub fn new<O: DualOperator + ?Sized, const D: usize, K>(
-        problem: &ContactProblem<D, K>,
-        dual: &Scaled<O>,
-    ) -> Self {
+    pub fn new<const D: usize, K>(problem: &ContactProblem<D, K>, dual: &Scaled) -> Self {
         let coefficient = problem.friction_coefficient().iter().enumerate();
         Self {
             given: dual.slip_bound::<D>(problem.slip_bound()),

@@ -8,7 +8,7 @@ use super::point::Point;
 use super::sets::Sets;
 use super::subproblem::Subproblem;
 use super::{NewtonSettings, Numbers, Status, Step};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::DualError;
 use crate::rounding::{INDEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 use std::ops::ControlFlow;
@@ -60,13 +60,13 @@ impl Progress {
     }
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Outer steps until a point that meets the goal passes the final check, or a reason to stop.
     pub fn run_multisecant(
         &mut self,
         way: &mut Way<D>,
         settings: &NewtonSettings,
-        observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
+        observer: &mut dyn FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
         way.err = self.update_error(&mut way.point);
         let numbers = self.numbers;

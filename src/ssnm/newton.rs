@@ -9,8 +9,8 @@ use super::solution::Step;
 use super::surrogate::Surrogate;
 use super::{EXACT, Method, Numbers};
 use crate::constraint::{TIED, row_of, tangential};
+use crate::dual::DualError;
 use crate::dual::balance::{Balance, FaceBalance};
-use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, beyond};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
@@ -18,7 +18,7 @@ use std::borrow::Cow;
 use std::rc::Rc;
 
 /// The data that persist from step to step; multipliers are scaled.
-pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
+pub(super) struct Newton<'a, const D: usize> {
     pub problem: &'a ContactProblem<D, Elsewhere>,
     pub law: Law,
     /// If bodies can move as a whole.
@@ -36,7 +36,7 @@ pub(super) struct Newton<'a, O: ?Sized, const D: usize> {
     pub sigma: f64,
     /// The typical entry of diag(A).
     pub mean: f64,
-    pub products: Products<'a, O>,
+    pub products: Products<'a>,
     /// Pairs hidden by errors of products, since products were last made more accurate.
     pub hidden: usize,
     /// The known pairs of A.
@@ -83,7 +83,7 @@ pub(super) struct Way<const D: usize> {
     pub first_met: Option<(usize, usize)>,
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with its α.
     pub fn error(&self, point: &Point) -> f64 {
         self.error_with(point, self.rho())

@@ -15,8 +15,8 @@ use crate::sparse::{add_times, norm};
 use std::sync::Arc;
 
 /// The dual operator, the accuracy of its products, and their number.
-pub(super) struct Products<'a, O: ?Sized> {
-    pub dual: Scaled<'a, O>,
+pub(super) struct Products<'a> {
+    pub dual: Scaled<'a>,
     load: &'a LoadCase,
     pub stop: Stop<'a>,
     /// Products so far.
@@ -33,10 +33,10 @@ pub(super) struct Products<'a, O: ?Sized> {
     gain: f64,
 }
 
-impl<'a, O: DualOperator + ?Sized> Products<'a, O> {
+impl<'a> Products<'a> {
     /// `sigma` is the known value of σ_max.
     pub fn new(
-        dual: Scaled<'a, O>,
+        dual: Scaled<'a>,
         load: &'a LoadCase,
         settings: &NewtonSettings,
         stop: Stop<'a>,

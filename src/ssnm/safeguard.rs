@@ -12,7 +12,7 @@ use super::newton::{Newton, Way};
 use super::point::Point;
 use super::sets::Sets;
 use super::{Numbers, Status};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::DualError;
 
 /// The kind of the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub(super) struct Safeguard<const D: usize> {
 
 impl<const D: usize> Safeguard<D> {
     /// The safeguard before the first step.
-    pub fn new<O: DualOperator + ?Sized>(newton: &Newton<O, D>, way: &Way<D>) -> Self {
+    pub fn new(newton: &Newton<D>, way: &Way<D>) -> Self {
         Self {
             best: way.point.clone(),
             best_err: way.err,
@@ -121,7 +121,7 @@ impl<const D: usize> Safeguard<D> {
     }
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Judges the step, and returns to the best point if it made no progress; the status if that is the end. `stopped`:
     /// at the observer's request.
     pub fn judge(

@@ -14,8 +14,8 @@ use crate::sparse::{Csr, norm_max};
 /// estimate Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ of its diagonal, in powers of two, so that scaling back and forth is exact. It does so
 /// only beyond a factor of four from the median, so that a homogeneous problem is unchanged. Corners of a block differ
 /// by exactly that factor (one cell meets there, four on a face), and rounding must not decide on them.
-pub(super) struct Scaled<'a, O: ?Sized> {
-    dual: &'a mut O,
+pub(super) struct Scaled<'a> {
+    dual: &'a mut dyn DualOperator,
     /// S, or None for the identity.
     scale: Option<Vec<f64>>,
     /// The diagonal of C, not scaled; empty where all contact is hard.
@@ -23,11 +23,11 @@ pub(super) struct Scaled<'a, O: ?Sized> {
     buffer: Vec<f64>,
 }
 
-impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
+impl<'a> Scaled<'a> {
     /// `power` is [`super::Numbers::scaling`].
     pub fn new<const D: usize, K>(
         problem: &ContactProblem<D, K>,
-        dual: &'a mut O,
+        dual: &'a mut dyn DualOperator,
         power: f64,
     ) -> Self {
         let m = problem.m();
@@ -122,7 +122,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
 
     /// The operator itself.
     #[cfg(test)]
-    pub fn inner(&self) -> &O {
+    pub fn inner(&self) -> &dyn DualOperator {
         self.dual
     }
 
@@ -134,7 +134,7 @@ impl<'a, O: DualOperator + ?Sized> Scaled<'a, O> {
     }
 }
 
-impl<O: DualOperator + ?Sized> DualOperator for Scaled<'_, O> {
+impl DualOperator for Scaled<'_> {
     fn size(&self) -> (usize, usize) {
         self.dual.size()
     }

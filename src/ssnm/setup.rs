@@ -32,10 +32,7 @@ pub(super) struct Start {
 
 impl Start {
     /// Balances the bodies, before any product is made.
-    pub fn new<O: DualOperator + ?Sized, const D: usize, K>(
-        problem: &ContactProblem<D, K>,
-        dual: &Scaled<O>,
-    ) -> Self {
+    pub fn new<const D: usize, K>(problem: &ContactProblem<D, K>, dual: &Scaled) -> Self {
         let mut start = Self {
             law: Law::new(problem, dual),
             balance: None,
@@ -83,8 +80,8 @@ impl Start {
 }
 
 /// The operands of a solve.
-pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
-    pub newton: Newton<'a, O, D>,
+pub(super) struct SetUp<'a, const D: usize> {
+    pub newton: Newton<'a, D>,
     pub way: Way<D>,
     /// Products that σ_max took.
     pub n_a_sigma: usize,
@@ -94,11 +91,11 @@ pub(super) struct SetUp<'a, O: ?Sized, const D: usize> {
     pub outcome: Result<(), DualError>,
 }
 
-impl<'a, O: DualOperator + ?Sized, const D: usize> SetUp<'a, O, D> {
+impl<'a, const D: usize> SetUp<'a, D> {
     /// Makes r, and moves to λ⁰.
     pub fn new(
         problem: &'a ContactProblem<D, Elsewhere>,
-        dual: Scaled<'a, O>,
+        dual: Scaled<'a>,
         start: Start,
         settings: &'a NewtonSettings,
         warm: &WarmStart<'a>,
@@ -206,7 +203,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     if count == 0 { 1.0 } else { sum / count as f64 }
 }
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Finds σ_max: on the surrogate from its products, otherwise by Lanczos, unless an earlier solve has done so.
     /// Returns the number of products.
     fn find_sigma(&mut self, recycled: &mut RecycledSubspace) -> Result<usize, DualError> {

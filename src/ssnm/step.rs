@@ -8,17 +8,17 @@ use super::point::{GradientStep, Point};
 use super::safeguard::{Plan, Safeguard};
 use super::sets::Sets;
 use super::{EXACT, Method, NewtonSettings, Status, Step};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::DualError;
 use std::ops::ControlFlow;
 
-impl<O: DualOperator + ?Sized, const D: usize> Newton<'_, O, D> {
+impl<const D: usize> Newton<'_, D> {
     /// Algorithms ISSNM and SSNM: outer steps until a point that meets the goal passes the final check, or a reason to
     /// stop.
     pub fn run_as_printed(
         &mut self,
         way: &mut Way<D>,
         settings: &NewtonSettings,
-        observer: &mut impl FnMut(&Step) -> ControlFlow<()>,
+        observer: &mut dyn FnMut(&Step) -> ControlFlow<()>,
     ) -> Result<Status, DualError> {
         way.err = self.update_error(&mut way.point);
         // So that Step 3.1 starts from r_tol.
