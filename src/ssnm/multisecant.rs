@@ -104,7 +104,9 @@ impl<const D: usize> Newton<'_, D> {
                 known.adapt(proposal.is_solved, &numbers);
             }
             if denied == numbers.denied || self.hidden == numbers.denied {
-                self.products.tighten(self.tolerance);
+                if self.products.tighten(self.tolerance) {
+                    self.surrogate.be_strict();
+                }
                 (denied, self.hidden) = (0, 0);
             }
             way.err = err;

@@ -34,7 +34,15 @@ pub(super) struct Surrogate {
     gram: Vec<Vec<f64>>,
     /// The largest eigenvalue of WWᵀ.
     largest: f64,
+    /// Whether pairs have to be [`CLEAR`].
+    is_strict: bool,
 }
+
+/// The least energy of the new part of a pair over that of its error, once errors have stood in the way. The errors of products
+/// by PCG have the same shape and add up more than the estimate says: a pair that was thought to be known to a third had 100 times
+/// the stiffness of A. Of 5 113 load steps of random solids 14 found no answer, for 65 314 products, without this, 10 (61 001)
+/// with 4, 5 (59 152) with 16, and 4 (61 178) with 100.
+const CLEAR: f64 = 16.0;
 
 /// Pairs that are kept for another C, the latest: making them anew takes as long as the square of their number.
 const KEPT: usize = 40;
@@ -53,7 +61,7 @@ impl Surrogate {
     /// Sets c for the first step, before any product, the number of pairs to keep, and C. Pairs of a solve with another C get the
     /// images that they have with this one.
     pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
-        self.most = most;
+        (self.most, self.is_strict) = (most, false);
         if self.len() == 0 {
             self.base = base;
         }
@@ -160,6 +168,16 @@ impl Surrogate {
         error == 0.0 || self.len() > before
     }
 
+    /// Keeps clear pairs only, from here on.
+    pub fn be_strict(&mut self) {
+        self.is_strict = true;
+        let unclear = |error: &f64| CLEAR * error * error > 1.0;
+        while let Some(last) = self.errors.iter().rposition(unclear) {
+            self.remove(last);
+        }
+        self.settle();
+    }
+
     /// Adds a pair, without the quantities that follow from all pairs.
     fn enter(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
         while let Some(worst) = self.extend(direction, image, error, flat) {
@@ -194,7 +212,8 @@ impl Surrogate {
         // Written so that NaN is refused.
         let is_new =
             new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
-        if !(is_new && new >= own + others) {
+        let clear = if self.is_strict { CLEAR } else { 1.0 };
+        if !(is_new && new >= clear * (own + others)) {
             let worst = (0..self.len()).max_by(|&i, &j| inherited(i).total_cmp(&inherited(j)));
             // A pair that is known more accurately than this one stays.
             return worst.filter(|_| others > 0.0 && own <= others);

@@ -357,7 +357,8 @@ impl Oracle {
             note("penetration", i, -gap[i], MET * size + rounding);
             note("tension", i, -ln[i], MET * most);
             work.add_product(ln[i], gap[i]);
-            work_rounding += ln[i].abs() * rounding;
+            // Forces that rounding explains do no work.
+            work_rounding += ln[i].abs() * rounding + ln[i].abs().min(noise[i]) * gap[i].abs();
             let c = self.compliance[i];
             // A force that closes no more than rounding is not a pressure.
             let pressed = ln[i] - noise[i];
