@@ -120,12 +120,6 @@ impl<'a> Scaled<'a> {
         self.factor(row_of::<D>(self.buffer.len() / D, node, 1))
     }
 
-    /// The operator itself.
-    #[cfg(test)]
-    pub fn inner(&self) -> &dyn DualOperator {
-        self.dual
-    }
-
     /// ĝ.
     pub fn slip_bound<const D: usize>(&self, g: &[f64]) -> Vec<f64> {
         (g.iter().enumerate())
