@@ -145,7 +145,8 @@ fn plots_and_a_self_contained_page() {
     assert!(page.contains("Bracket pressed on a rigid foundation") && page.contains("converged"));
     assert!(page.contains("Balance of forces") && page.contains("<svg"));
     let outside = page.replace("http://www.w3.org/2000/svg", "");
-    assert!(!outside.contains("http") && !outside.contains("<script"));
+    assert!(!outside.contains("http") && !outside.contains(" src="));
+    assert!(page.contains("id=\"bodies-data\"") && page.contains("\"plane\":true"));
 }
 
 /// Labels follow the case; without friction nothing sticks or slips.
