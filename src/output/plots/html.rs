@@ -99,14 +99,18 @@ fn figures(out: &mut String, report: &Report, pictures: &[Picture]) -> bool {
     let last = report.steps.len();
     let of = |step| pictures.iter().filter(move |picture| picture.step == step);
     let on_page = of(Some(last)).chain(of(None));
-    let used: usize = on_page.clone().map(|picture| picture.svg.len()).sum();
+    let size = |pictures: &mut dyn Iterator<Item = &Picture>| -> usize {
+        pictures.map(|picture| picture.svg.len()).sum()
+    };
+    let before = (1..last).flat_map(|step| of(Some(step)));
+    let earlier = size(&mut before.filter(|picture| picture.view.is_none()));
+    let used = size(&mut on_page.clone()) + earlier.min(LARGEST_EARLIER);
     let views: Vec<_> = pictures.iter().filter_map(|p| p.view.as_ref()).collect();
     let mut has_view = false;
     for picture in on_page {
         let title = escape(&picture.title);
         *out += &format!("<section aria-label=\"{title}\"><h2>{title}</h2>\n");
         // Folded by the script where the view works.
-        let used = used + LARGEST_EARLIER;
         let (open, close) = if picture.view.is_some() && view::put_view(out, &views, used) {
             has_view = true;
             let open = "<details id=\"still\" open><summary>Still picture</summary>";

@@ -10,6 +10,7 @@ use crate::mesh::{ElementKind, Topology};
 use crate::output::shown_at_nodes;
 use base64::Engine as _;
 use serde_json::{Value, json};
+use std::borrow::Cow;
 
 /// The largest size that the view may add to the page, in bytes.
 const LARGEST_PAGE: usize = 8 << 20;
@@ -246,21 +247,21 @@ fn with(object: &str, key: &str, value: &str) -> String {
 
 /// Adds the view to the page, with as many of the last steps as there is room for; `used` are the bytes of the page
 /// without it. Returns whether there was any room.
-pub(super) fn put_view(out: &mut String, views: &[&View], used: usize) -> bool {
+pub(super) fn put_view<'v>(out: &mut String, views: &[&'v View], used: usize) -> bool {
     let Some(last) = views.last() else {
         return false;
     };
     let fixed = used + SCRIPT.len() + last.rest.len() + last.obstacles.len();
     let mut left = LARGEST_PAGE.checked_sub(fixed);
-    let has_room = |step: &String| {
+    let has_room = |step: &Cow<str>| {
         left = left.and_then(|left| left.checked_sub(step.len() + 1));
         left.is_some()
     };
-    let step = |view: &&View| match view.obstacles == last.obstacles {
-        true => view.step.clone(),
-        false => with(&view.step, "obstacles", &view.obstacles),
+    let step = |&view: &&'v View| match view.obstacles == last.obstacles {
+        true => Cow::Borrowed(view.step.as_str()),
+        false => Cow::Owned(with(&view.step, "obstacles", &view.obstacles)),
     };
-    let mut steps: Vec<String> = (views.iter().rev())
+    let mut steps: Vec<Cow<str>> = (views.iter().rev())
         .map(step)
         .take_while(has_room)
         .collect();
