@@ -5,9 +5,9 @@ mod loads;
 mod points;
 
 use super::said::{
-    Adjust, Amplitude, Behavior, BehaviorChange, Clearance, Equation, FrictionChange,
-    GeneralEquation, Interaction, MaterialCard, PairCard, PairChange, Refusal, Said, Section,
-    SpringCard, StepCard, TieCard, Transform,
+    Adjust, Amplitude, Behavior, BehaviorChange, Clearance, EquationCard, FrictionChange,
+    Interaction, MaterialCard, PairCard, PairChange, Refusal, Said, Section, SpringCard, StepCard,
+    TieCard, Transform,
 };
 use crate::mesh::abaqus::index::{Card, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
@@ -217,6 +217,8 @@ impl<'a> Said<'a> {
             "COUPLING" => self.coupling(card)?,
             "KINEMATIC" | "DISTRIBUTING" => self.couple(card)?,
             "KINEMATIC COUPLING" => self.kinematic(card)?,
+            "DISTRIBUTING COUPLING" => self.spread(card)?,
+            "MPC" => self.multi_point(card)?,
             "RIGID BODY" => self.rigid_body(card)?,
             "CYCLIC SYMMETRY MODEL" => self.sectors(card)?,
             "PRE-TENSION SECTION" => self.pretension(card)?,
@@ -694,27 +696,18 @@ impl<'a> Said<'a> {
                     terms.push((target, component(line, direction)?, value(line, factor)?));
                 }
             }
-            match terms[..] {
-                [(first, c, a), (second, d, b)] if c == d && c <= 3 && a == -b && a != 0.0 => {
-                    self.equations.push(Equation {
-                        line,
-                        sides: [first, second],
-                        component: c as usize - 1,
-                    });
-                }
-                _ if terms.iter().any(|&(_, c, _)| c > 3) => self.refuse(
+            if terms.iter().any(|&(_, c, _)| c > 3) {
+                self.refuse(
                     line,
                     "EQUATION",
                     "*EQUATION: nodes have displacements along x, y and z only (directions 1 to 3)",
-                ),
-                _ => {
-                    let terms = terms
-                        .iter()
-                        .map(|&(target, c, factor)| (target, c as usize - 1, factor));
-                    let terms = terms.collect();
-                    self.general_equations.push(GeneralEquation { line, terms });
-                }
+                );
+                continue;
             }
+            let terms = terms.into_iter();
+            let terms = terms.map(|(target, c, factor)| (target, c as usize - 1, factor));
+            let terms = terms.collect();
+            self.equations.push(EquationCard { line, terms });
         }
         Ok(())
     }

@@ -247,13 +247,21 @@ pub(super) struct SpringCard<'a> {
     pub stiffness: f64,
 }
 
-/// `*COUPLING`, `*KINEMATIC COUPLING` or `*RIGID BODY`: nodes that move with a reference node.
+/// Which node leads a coupling.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Reference<'a> {
+    Node(&'a str),
+    /// That of the elements of a set.
+    Elements(&'a str),
+}
+
+/// `*COUPLING`, `*KINEMATIC COUPLING`, `*DISTRIBUTING COUPLING`, `*RIGID BODY` or `*MPC, BEAM`: nodes that move with a reference node.
 pub(super) struct CouplingCard<'a> {
     pub line: usize,
     /// The keyword.
     pub keyword: &'static str,
     pub name: Option<&'a str>,
-    pub reference: &'a str,
+    pub reference: Reference<'a>,
     /// The node whose displacements are the rotations, if it is another one.
     pub rotation: Option<&'a str>,
     pub surface: Option<&'a str>,
@@ -282,20 +290,30 @@ pub(super) struct PretensionCard<'a> {
     pub normal: Option<[f64; 3]>,
 }
 
-/// An equation that makes two displacements equal.
-pub(super) struct Equation<'a> {
-    pub line: usize,
-    /// Nodes, or sets of them.
-    pub sides: [&'a str; 2],
-    /// From 0.
-    pub component: usize,
-}
-
-/// Any other equation: the sum of its terms is zero.
-pub(super) struct GeneralEquation<'a> {
+/// An equation: the sum of its terms is zero.
+pub(super) struct EquationCard<'a> {
     pub line: usize,
     /// Nodes, or sets of them, each with a component, from 0, and its factor.
     pub terms: Vec<(&'a str, usize, f64)>,
+}
+
+/// How nodes of a `*MPC` depend on each other.
+pub(super) enum MpcKind {
+    /// Two nodes keep their distance.
+    Link,
+    /// They stay on the line through the first two.
+    Straight,
+    /// They stay in the plane of the first three.
+    Plane,
+}
+
+/// `*MPC`.
+pub(super) struct MpcCard<'a> {
+    pub line: usize,
+    pub name: &'a str,
+    pub kind: MpcKind,
+    /// Nodes, or sets of them.
+    pub nodes: Vec<&'a str>,
 }
 
 /// `*TRANSFORM`.
@@ -327,8 +345,8 @@ pub(super) struct Said<'a> {
     pub ties: Vec<TieCard<'a>>,
     pub clearances: Vec<Clearance>,
     pub transforms: Vec<Transform<'a>>,
-    pub equations: Vec<Equation<'a>>,
-    pub general_equations: Vec<GeneralEquation<'a>>,
+    pub equations: Vec<EquationCard<'a>>,
+    pub multi_point: Vec<MpcCard<'a>>,
     pub springs: Vec<SpringCard<'a>>,
     pub couplings: Vec<CouplingCard<'a>>,
     pub pretensions: Vec<PretensionCard<'a>>,

@@ -1,6 +1,7 @@
 //! From the contents of a deck to the model on its mesh.
 
 mod contacts;
+mod equations;
 mod loads;
 mod nodes;
 mod points;
@@ -13,7 +14,7 @@ use super::said::{Kind, MaterialCard, Refusal, Said};
 use crate::elasticity::{Material, Plane};
 use crate::mesh::abaqus::index::{Index, Wrong};
 use crate::model::{Definition, Filling, Geometry, Quantity, Steps, Units};
-use nodes::Alike;
+use equations::{Alike, Row};
 use std::collections::BTreeMap;
 
 type Result<T> = std::result::Result<T, Wrong>;
@@ -101,6 +102,8 @@ struct Translation<'a, 'i, const D: usize> {
     /// Displacements that are equal, by direction and node, as numbers of `equal`.
     equal_of: BTreeMap<(usize, u32), usize>,
     equal: Vec<Alike>,
+    /// All other equations.
+    rows: Vec<Row<D>>,
     /// Reference nodes, each with the component of its constraint that its first direction is.
     points: BTreeMap<u32, usize>,
     /// Numbers of the sets that are made here, by their names.
@@ -140,6 +143,7 @@ fn translated<const D: usize>(
         regions: Vec::new(),
         equal_of: BTreeMap::new(),
         equal: Vec::new(),
+        rows: Vec::new(),
         points: BTreeMap::new(),
         made: BTreeMap::new(),
         index,

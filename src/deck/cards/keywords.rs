@@ -47,7 +47,7 @@ pub(super) const PASSED_OVER: [&str; 42] = [
 ];
 
 /// Reasons to refuse keywords that decks often have.
-pub(super) const REASONS: [(&str, &str); 29] = [
+pub(super) const REASONS: [(&str, &str); 27] = [
     ("BEAM SECTION", "beams are not supported"),
     ("BUCKLE", "buckling analysis is not supported"),
     (
@@ -64,10 +64,6 @@ pub(super) const REASONS: [(&str, &str); 29] = [
         "DEFORMATION PLASTICITY",
         "only linear-elastic materials are supported",
     ),
-    (
-        "DISTRIBUTING COUPLING",
-        "nodes cannot be coupled to a reference node",
-    ),
     ("DYNAMIC", "inertia is not supported"),
     ("FLUID SECTION", "fluids are not supported"),
     ("FREQUENCY", "modal analysis is not supported"),
@@ -80,10 +76,6 @@ pub(super) const REASONS: [(&str, &str); 29] = [
     ("HYPERFOAM", "only linear-elastic materials are supported"),
     ("MEMBRANE SECTION", "membranes are not supported"),
     ("MODAL DYNAMIC", "inertia is not supported"),
-    (
-        "MPC",
-        "displacements of nodes cannot be made to depend on each other",
-    ),
     ("NO TENSION", "only linear-elastic materials are supported"),
     ("PLASTIC", "only linear-elastic materials are supported"),
     (

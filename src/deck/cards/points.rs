@@ -1,9 +1,11 @@
 //! Reference nodes: couplings, rigid bodies, and sections of bolts; sectors.
 
 use super::{Result, component, numbers, value};
-use crate::deck::said::{CouplingCard, PretensionCard, Said, SectorCard};
+use crate::deck::said::{
+    CouplingCard, EquationCard, MpcCard, MpcKind, PretensionCard, Reference, Said, SectorCard,
+};
 use crate::mesh::abaqus::index::Card;
-use crate::mesh::abaqus::keyword::{Keyword, entries, plain};
+use crate::mesh::abaqus::keyword::{Keyword, entries, key, plain};
 
 impl<'a> Said<'a> {
     /// An option with a value that a keyword must have.
@@ -20,7 +22,7 @@ impl<'a> Said<'a> {
             line: k.line,
             keyword: "COUPLING",
             name: k.option("CONSTRAINT NAME"),
-            reference: Self::needs(k, "REF NODE")?,
+            reference: Reference::Node(Self::needs(k, "REF NODE")?),
             rotation: None,
             surface: Some(Self::needs(k, "SURFACE")?),
             nodes: Vec::new(),
@@ -71,13 +73,114 @@ impl<'a> Said<'a> {
             line: k.line,
             keyword: "KINEMATIC COUPLING",
             name: None,
-            reference: Self::needs(k, "REF NODE")?,
+            reference: Reference::Node(Self::needs(k, "REF NODE")?),
             rotation: None,
             surface: None,
             nodes,
             distributing: false,
             bound,
         });
+        Ok(())
+    }
+
+    /// A load on a node, that of an element, is spread over nodes or sets, each with its weight: here the same for all.
+    pub(super) fn spread(&mut self, card: &Card<'a>) -> Result<()> {
+        let k = &card.keyword;
+        self.only(k, &["ELSET"]);
+        let (mut nodes, mut weights) = (Vec::new(), Vec::new());
+        for &(line, text) in &card.data {
+            let all: Vec<&str> = entries(text).map(plain).collect();
+            nodes.extend(all.first());
+            weights.push(match all.get(1) {
+                Some(weight) => value(line, weight)?,
+                None => 1.0,
+            });
+        }
+        weights.dedup();
+        if !matches!(weights[..], [weight] if weight > 0.0) {
+            let text =
+                "*DISTRIBUTING COUPLING needs nodes, all of them with the same weight above 0";
+            self.refuse(k.line, "DISTRIBUTING COUPLING", text);
+            return Ok(());
+        }
+        self.couplings.push(CouplingCard {
+            line: k.line,
+            keyword: "DISTRIBUTING COUPLING",
+            name: None,
+            reference: Reference::Elements(Self::needs(k, "ELSET")?),
+            rotation: None,
+            surface: None,
+            nodes,
+            distributing: true,
+            bound: [true; 3],
+        });
+        Ok(())
+    }
+
+    /// Nodes that depend on each other: lines with a type and nodes or sets; a line without a type goes on with the one above.
+    pub(super) fn multi_point(&mut self, card: &Card<'a>) -> Result<()> {
+        let mut all: Vec<(usize, &str, Vec<&str>)> = Vec::new();
+        for &(line, text) in &card.data {
+            let mut parts = entries(text).map(plain);
+            let name = parts.next().unwrap_or_default();
+            // Zeros are no nodes.
+            let nodes = parts.filter(|part| !part.is_empty() && *part != "0");
+            match (name, all.last_mut()) {
+                ("" | "0", Some((.., last))) => last.extend(nodes),
+                _ => all.push((line, name, nodes.collect())),
+            }
+        }
+        for (line, name, nodes) in all {
+            let mut link = |kind, nodes| {
+                self.multi_point.push(MpcCard {
+                    line,
+                    name,
+                    kind,
+                    nodes,
+                });
+            };
+            match (key(name).as_str(), &nodes[..]) {
+                ("PLANE", _) => link(MpcKind::Plane, nodes),
+                ("STRAIGHT", _) => link(MpcKind::Straight, nodes),
+                ("LINK", _) => link(MpcKind::Link, nodes),
+                ("SLIDER", &[own, a, b]) => link(MpcKind::Straight, vec![a, b, own]),
+                ("TIE" | "PIN", &[own, other]) => {
+                    self.equations.extend((0..3).map(|c| EquationCard {
+                        line,
+                        terms: vec![(own, c, 1.0), (other, c, -1.0)],
+                    }));
+                }
+                ("BEAM", &[own, other]) => {
+                    let reference = Reference::Node(other);
+                    let same = |known: &&mut CouplingCard| {
+                        known.keyword == "MPC" && known.reference == reference
+                    };
+                    match self.couplings.iter_mut().find(same) {
+                        Some(known) => known.nodes.push(own),
+                        None => self.couplings.push(CouplingCard {
+                            line,
+                            keyword: "MPC",
+                            name: None,
+                            reference,
+                            rotation: None,
+                            surface: None,
+                            nodes: vec![own],
+                            distributing: false,
+                            bound: [true; 3],
+                        }),
+                    }
+                }
+                ("TIE" | "PIN" | "BEAM" | "SLIDER", _) => {
+                    let text = format!("*MPC, {name} needs its two nodes in a line (SLIDER three)");
+                    return Err((line, text));
+                }
+                _ => self.refuse(
+                    line,
+                    "MPC",
+                    format!("*MPC, {name}: BEAM, LINK, PIN, PLANE, SLIDER, STRAIGHT and TIE are understood"),
+                ),
+            }
+        }
         Ok(())
     }
 
@@ -95,7 +198,7 @@ impl<'a> Said<'a> {
             line: k.line,
             keyword: "RIGID BODY",
             name: None,
-            reference: Self::needs(k, "REF NODE")?,
+            reference: Reference::Node(Self::needs(k, "REF NODE")?),
             rotation: k.option("ROT NODE"),
             surface: None,
             nodes,

@@ -1,21 +1,11 @@
-//! Supports and forces of nodes, and nodes that move alike.
+//! Supports and forces of nodes.
 
 use super::{Result, Translation, quantities, with_factors};
 use crate::deck::history::{Tracks, factors};
 use crate::deck::said::{Kind, Transform, What};
-use crate::mesh::vector::{cross, minus, unit};
-use crate::model::{AXES, Axis, Equal, Equation, Force, Number, Support};
+use crate::mesh::vector::{cross, dot, minus, unit};
+use crate::model::{AXES, Axis, Force, Number, Support};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// Nodes of bodies whose displacements along an axis are equal.
-pub(super) struct Alike {
-    line: usize,
-    component: usize,
-    /// Sorted.
-    nodes: Vec<u32>,
-    /// Whether a support prescribes these displacements: then it does so for all of them.
-    held: bool,
-}
 
 /// Nodes with the same values of one component.
 struct Same {
@@ -57,65 +47,6 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(of_node)
     }
 
-    /// The displacements that are equal.
-    pub(super) fn equations(&mut self) -> Result<()> {
-        let transforms = self.transforms()?;
-        // The groups so far, and which one a displacement is in.
-        let mut groups: Vec<(usize, Vec<(usize, u32)>)> = Vec::new();
-        for equation in &self.said.equations {
-            let (line, component) = (equation.line, equation.component);
-            let [first, second] = equation.sides;
-            let (first, second) = (
-                self.index.nodes(line, first)?,
-                self.index.nodes(line, second)?,
-            );
-            if second.len() != 1 && second.len() != first.len() {
-                let text = "*EQUATION: both sets must have the same number of nodes, or the second one node";
-                return Err((line, text.to_owned()));
-            }
-            if component >= D {
-                continue;
-            }
-            let mut all = first.iter().chain(&second);
-            if all.any(|node| transforms.contains_key(node)) {
-                let text = "*EQUATION: displacements can be equal along the axes only, not in directions of a *TRANSFORM";
-                self.refuse(line, "EQUATION", text);
-                continue;
-            }
-            for (node, other) in first.iter().zip(second.iter().cycle()) {
-                let ends = [(component, *node), (component, *other)];
-                let [a, b] = ends.map(|end| {
-                    *self.equal_of.entry(end).or_insert_with(|| {
-                        groups.push((line, vec![end]));
-                        groups.len() - 1
-                    })
-                });
-                if a != b {
-                    let moved = std::mem::take(&mut groups[a.max(b)].1);
-                    for &end in &moved {
-                        self.equal_of.insert(end, a.min(b));
-                    }
-                    groups[a.min(b)].1.extend(moved);
-                }
-            }
-        }
-        self.equal = (groups.into_iter())
-            .map(|(line, ends)| {
-                let of_bodies = ends.iter().map(|end| end.1);
-                let mut nodes: Vec<u32> =
-                    of_bodies.filter(|&node| self.used[node as usize]).collect();
-                nodes.sort_unstable();
-                Alike {
-                    line,
-                    component: ends.first().map_or(0, |end| end.0),
-                    nodes,
-                    held: false,
-                }
-            })
-            .collect();
-        Ok(())
-    }
-
     /// The nodes that an entry for a node applies to: also its equal nodes, or none if no body has it.
     fn meant(&mut self, kind: Kind, node: u32, component: usize) -> Vec<u32> {
         let own = self.used[node as usize];
@@ -130,97 +61,6 @@ impl<const D: usize> Translation<'_, '_, D> {
             None if own => vec![node],
             _ => Vec::new(),
         }
-    }
-
-    /// The nodes that move alike, where no support prescribes the motion: a table for each choice of axes.
-    pub(super) fn put_equal(&mut self) {
-        let mut axes: BTreeMap<Vec<u32>, (usize, BTreeSet<usize>)> = BTreeMap::new();
-        for one in std::mem::take(&mut self.equal) {
-            if one.nodes.len() > 1 && !one.held {
-                let here = axes.entry(one.nodes).or_insert((one.line, BTreeSet::new()));
-                here.0 = here.0.min(one.line);
-                here.1.insert(one.component);
-            }
-        }
-        let mut tables: BTreeMap<BTreeSet<usize>, (usize, Vec<Vec<u32>>)> = BTreeMap::new();
-        for (nodes, (line, axes)) in axes {
-            let here = tables.entry(axes).or_insert((line, Vec::new()));
-            here.0 = here.0.min(line);
-            here.1.push(nodes);
-        }
-        for (axes, (line, sets)) in tables {
-            let names: Vec<String> = (sets.into_iter())
-                .map(|nodes| {
-                    let name = self.name("equal");
-                    self.index.add_nodes(&name, &nodes);
-                    name
-                })
-                .collect();
-            self.comes_from(line, "equal");
-            let bound = std::array::from_fn(|axis| axes.contains(&axis));
-            self.definition.equals.push(Equal::of(names).along(bound));
-        }
-    }
-
-    /// All other equations, one for each choice of nodes.
-    pub(super) fn put_equations(&mut self) -> Result<()> {
-        let transforms = self.transforms()?;
-        let said = self.said;
-        // The sets of single nodes.
-        let mut names: BTreeMap<u32, String> = BTreeMap::new();
-        for general in &said.general_equations {
-            let line = general.line;
-            let sets = general
-                .terms
-                .iter()
-                .map(|&(target, ..)| self.index.nodes(line, target));
-            let sets = sets.collect::<Result<Vec<Vec<u32>>>>()?;
-            let count = sets.iter().map(Vec::len).max().unwrap_or(0);
-            if sets.iter().any(|set| set.len() != 1 && set.len() != count) {
-                let text = "*EQUATION: all sets must have the same number of nodes, or one";
-                return Err((line, text.to_owned()));
-            }
-            if sets
-                .iter()
-                .flatten()
-                .any(|node| transforms.contains_key(node))
-            {
-                let text = "*EQUATION: terms can be along the axes only, not in directions of a *TRANSFORM";
-                self.refuse(line, "EQUATION", text);
-                continue;
-            }
-            if sets.iter().flatten().any(|&node| !self.used[node as usize]) {
-                let text = "*EQUATION: a node belongs to no element of a body; with two terms and factors a and −a it may";
-                self.refuse(line, "EQUATION", text);
-                continue;
-            }
-            for i in 0..count {
-                let mut of_nodes: BTreeMap<u32, [f64; D]> = BTreeMap::new();
-                for (set, &(_, component, factor)) in sets.iter().zip(&general.terms) {
-                    if component < D {
-                        let here = of_nodes.entry(set[i % set.len()]).or_insert([0.0; D]);
-                        here[component] += factor;
-                    }
-                }
-                let some = of_nodes.iter().filter(|(_, factors)| **factors != [0.0; D]);
-                let mut equation = Equation::of(0.0);
-                let mut any = false;
-                for (node, factors) in some {
-                    if !names.contains_key(node) {
-                        let name = self.name("node");
-                        self.index.add_nodes(&name, &[*node]);
-                        names.insert(*node, name);
-                    }
-                    equation = equation.nodes(&names[node], *factors);
-                    any = true;
-                }
-                if any {
-                    self.comes_from(line, "equation");
-                    self.definition.equations.push(equation);
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Supports or forces of nodes, a table for each set of nodes that have the same.
@@ -525,6 +365,19 @@ impl Transform<'_> {
         let first = unit(a);
         let third = unit(cross(first, b));
         (!self.cylindrical).then(|| [first, cross(third, first), third])
+    }
+
+    /// Its directions at a place; not finite on the axis of a cylindrical one.
+    pub(super) fn ways(&self, place: [f64; 3]) -> [[f64; 3]; 3] {
+        if let Some(axes) = self.axes() {
+            return axes;
+        }
+        let [point, end] = self.points();
+        let along = unit(minus(end, point));
+        let way = minus(place, point);
+        let height = dot(way, along);
+        let radial = unit(std::array::from_fn(|c| way[c] - height * along[c]));
+        [radial, cross(along, radial), along]
     }
 
     /// A vector along its directions, as numbers or expressions along x, y and z; empty if it vanishes.

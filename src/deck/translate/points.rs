@@ -3,35 +3,49 @@
 use super::nodes::IDENTITY;
 use super::{Result, Translation, with_factors};
 use crate::deck::history::{Track, Tracks, factors};
-use crate::deck::said::{CouplingCard, Kind, PretensionCard, What};
+use crate::deck::said::{CouplingCard, Kind, PretensionCard, Reference, What};
+use crate::mesh::vector::{length, minus};
 use crate::model::{Coupling, Preload};
 use std::collections::BTreeMap;
 
+/// A node is beside the middle of others from this part of their distances on: files have six digits, of coordinates that may be large.
+const BESIDE: f64 = 1e-4;
+
 /// One component of a reference node: its number in the constraint, and its value at the end of each load step.
-struct Given {
-    line: usize,
-    component: usize,
-    values: Vec<f64>,
-    is_motion: bool,
+pub(super) struct Given {
+    pub line: usize,
+    pub component: usize,
+    pub values: Vec<f64>,
+    pub is_motion: bool,
 }
 
 /// The line that fixes a reference node, and the step from which on.
-type Fixed = (usize, usize);
+pub(super) type Fixed = (usize, usize);
 
 impl<const D: usize> Translation<'_, '_, D> {
     /// Notes the reference nodes, each with the component of its constraint that its first direction is.
     pub(super) fn find_points(&mut self) -> Result<()> {
-        let couplings = self.said.couplings.iter();
-        let of_couplings = couplings.flat_map(|card| {
-            let rotation = card.rotation.map(|node| (card.line, node, 3));
-            [(card.line, card.reference, 0)].into_iter().chain(rotation)
-        });
-        let pretensions = self.said.pretensions.iter();
-        let all = of_couplings.chain(pretensions.map(|card| (card.line, card.reference, 0)));
+        let said = self.said;
+        let mut all = Vec::new();
+        for card in &said.couplings {
+            let node = self.reference(card.line, card.reference)?;
+            // Any node may be the end of a rigid beam.
+            if card.keyword != "MPC" || !self.used[node as usize] {
+                all.push((card.line, node, 0));
+            }
+            if let Some(node) = card.rotation {
+                all.push((
+                    card.line,
+                    self.reference(card.line, Reference::Node(node))?,
+                    3,
+                ));
+            }
+        }
+        for card in &said.pretensions {
+            let reference = Reference::Node(card.reference);
+            all.push((card.line, self.reference(card.line, reference)?, 0));
+        }
         for (line, node, first) in all {
-            let [node] = self.index.nodes(line, node)?[..] else {
-                return Err((line, "a reference is one node".to_owned()));
-            };
             if self.used[node as usize] {
                 let text = "a reference node must not belong to an element of a body: give the constraint a node of its own";
                 return Err((line, text.to_owned()));
@@ -42,7 +56,6 @@ impl<const D: usize> Translation<'_, '_, D> {
                 return Err((line, text.to_owned()));
             }
         }
-        let said = self.said;
         for transform in &said.transforms {
             let nodes = self.index.nodes(transform.line, transform.set)?;
             let is_turned = transform.axes() != Some(IDENTITY);
@@ -51,20 +64,20 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.refuse(transform.line, "TRANSFORM", text);
             }
         }
-        let equal = (said.equations.iter())
-            .flat_map(|equation| equation.sides.map(|side| (equation.line, side)));
-        let general = said.general_equations.iter().flat_map(|equation| {
-            let terms = equation.terms.iter();
-            terms.map(|&(target, ..)| (equation.line, target))
-        });
-        for (line, side) in equal.chain(general) {
-            let nodes = self.index.nodes(line, side)?;
-            if nodes.iter().any(|node| self.points.contains_key(node)) {
-                let text = "*EQUATION: a reference node cannot depend on other nodes";
-                self.refuse(line, "EQUATION", text);
-            }
-        }
+        self.find_points_of_equations();
         Ok(())
+    }
+
+    /// The node of a reference.
+    fn reference(&self, line: usize, reference: Reference) -> Result<u32> {
+        let nodes = match reference {
+            Reference::Node(node) => self.index.nodes(line, node)?,
+            Reference::Elements(set) => self.index.nodes_of(&self.index.elements(line, set)?),
+        };
+        match nodes[..] {
+            [node] => Ok(node),
+            _ => Err((line, "a reference is one node".to_owned())),
+        }
     }
 
     /// The couplings and preloads.
@@ -79,14 +92,12 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// The components of reference nodes that have loads or motions, and where they are fixed.
-    fn given(&mut self, references: &[(usize, &str)]) -> Result<(Vec<Given>, Option<Fixed>)> {
-        let mut nodes: BTreeMap<u32, usize> = BTreeMap::new();
-        for &(line, node) in references {
-            for node in self.index.nodes(line, node)? {
-                nodes.insert(node, self.points[&node]);
-            }
-        }
+    /// The components of reference nodes, each with the number of its first direction, that have loads or motions, and where they are
+    /// fixed.
+    pub(super) fn given(
+        &mut self,
+        nodes: &BTreeMap<u32, usize>,
+    ) -> Result<(Vec<Given>, Option<Fixed>)> {
         let (mut motions, mut loads) = (Tracks::default(), Tracks::default());
         let mut fixed = None;
         for load in &self.said.loads {
@@ -165,7 +176,8 @@ impl<const D: usize> Translation<'_, '_, D> {
             self.refuse(card.line, "PRE-TENSION SECTION", text);
             return Ok(());
         }
-        let (given, fixed) = self.given(&[(card.line, card.reference)])?;
+        let reference = self.reference(card.line, Reference::Node(card.reference))?;
+        let (given, fixed) = self.given(&BTreeMap::from([(reference, 0)]))?;
         if let Some(other) = given.iter().find(|given| given.component > 0) {
             let text = "the node of a *PRE-TENSION SECTION has one direction, 1";
             return Err((other.line, text.to_owned()));
@@ -216,6 +228,14 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
+    /// Refuses to fix a node that is no section of a bolt.
+    pub(super) fn refuse_fixed(&mut self, fixed: Option<Fixed>) {
+        if let Some((line, _)) = fixed {
+            let text = "*BOUNDARY, FIXED: of reference nodes only that of a *PRE-TENSION SECTION can be fixed where it is";
+            self.refuse(line, "BOUNDARY", text);
+        }
+    }
+
     fn coupling(&mut self, card: &CouplingCard) -> Result<()> {
         let keyword = card.keyword;
         if card.bound == [false; 3] {
@@ -224,9 +244,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             );
             return Err((card.line, text));
         }
-        let [reference] = self.index.nodes(card.line, card.reference)?[..] else {
-            unreachable!("it is one node");
-        };
+        let reference = self.reference(card.line, card.reference)?;
         let at = self.index.place(reference);
         let point: [f64; D] = std::array::from_fn(|c| at[c]);
         let free: [bool; D] = std::array::from_fn(|c| !card.bound[c]);
@@ -246,6 +264,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 for set in &card.nodes {
                     nodes.extend(self.index.nodes(card.line, set)?);
                 }
+                nodes.push(reference);
                 nodes.retain(|&node| self.used[node as usize]);
                 nodes.sort_unstable();
                 nodes.dedup();
@@ -253,6 +272,18 @@ impl<const D: usize> Translation<'_, '_, D> {
                     [one] if self.index.set_name(true, one).is_some() => one,
                     _ => "",
                 };
+                let places = nodes.iter().map(|&node| minus(self.index.place(node), at));
+                let sum = places.clone().fold([0.0; 3], |sum, way| {
+                    std::array::from_fn(|c| sum[c] + way[c])
+                });
+                let size = places.map(length).fold(0.0, f64::max);
+                if card.distributing && length(sum) > BESIDE * size * nodes.len() as f64 {
+                    let place = (self.place)(card.line);
+                    self.notes.push(format!(
+                        "{place}: *{keyword}: its node is not in the middle of those that share its load: a force on it has a lever arm, as in \
+                         Abaqus; CalculiX leaves that moment out"
+                    ));
+                }
                 let set = self.set_of(card.line, origin, &nodes, "coupled")?;
                 Coupling::at_nodes(set, point)
             }
@@ -262,14 +293,15 @@ impl<const D: usize> Translation<'_, '_, D> {
             true => spread.clone(),
             false => coupling.free(free),
         };
-        let references: Vec<(usize, &str)> = (card.rotation.into_iter().chain([card.reference]))
-            .map(|node| (card.line, node))
-            .collect();
-        let (given, fixed) = self.given(&references)?;
-        if let Some((line, _)) = fixed {
-            let text = "*BOUNDARY, FIXED: of reference nodes only that of a *PRE-TENSION SECTION can be fixed where it is";
-            self.refuse(line, "BOUNDARY", text);
+        let mut references = BTreeMap::new();
+        if !self.used[reference as usize] {
+            references.insert(reference, 0);
         }
+        if let Some(node) = card.rotation {
+            references.insert(self.reference(card.line, Reference::Node(node))?, 3);
+        }
+        let (given, fixed) = self.given(&references)?;
+        self.refuse_fixed(fixed);
         // Zeros fit any history.
         let mut given = given;
         given.sort_by_key(|one| one.values.iter().all(|&v| v == 0.0));

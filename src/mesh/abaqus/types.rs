@@ -77,8 +77,10 @@ const BOUNDS: [(&[&str], &[&str], Cell); 8] = [
     (&["MASS", "ROTARYI"], &[""], Cell::Point),
 ];
 
-/// The cells of springs, whose stiffness a deck states.
-const SPRINGS: [(&str, Cell); 3] = [
+/// The cells of springs, whose stiffness a deck states, and of nodes that lead others.
+const LINKS: [(&str, Cell); 5] = [
+    ("DCOUP2D", Cell::Point),
+    ("DCOUP3D", Cell::Point),
     ("SPRINGA", Cell::Link),
     ("SPRING1", Cell::Point),
     ("SPRING2", Cell::Link),
@@ -87,8 +89,8 @@ const SPRINGS: [(&str, Cell); 3] = [
 /// The cell of a type of element, of a `deck` or of a mesh alone; if it is not supported, the reason and the remedy.
 pub(super) fn cell(name: &str, deck: bool) -> Result<Cell, String> {
     let name = name.to_uppercase();
-    let mut springs = SPRINGS.iter().filter(|_| deck);
-    if let Some(&(_, cell)) = springs.find(|known| known.0 == name) {
+    let mut links = LINKS.iter().filter(|_| deck);
+    if let Some(&(_, cell)) = links.find(|known| known.0 == name) {
         return Ok(cell);
     }
     let is = |begin: &str, rest: &[&str]| {
