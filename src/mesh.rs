@@ -464,7 +464,7 @@ where
     }
 
     /// Gives the nodes that elements and boundaries name other numbers.
-    fn renumber(&mut self, number: impl Fn(u32) -> u32) {
+    pub(crate) fn renumber(&mut self, number: impl Fn(u32) -> u32) {
         let elements = self.elements.iter_mut().map(Element::nodes_mut);
         let facets = self.boundaries.values_mut().flatten();
         let sets = self.node_sets.values_mut().map(Vec::as_mut_slice);

@@ -11,6 +11,7 @@ pub mod plots;
 pub(crate) mod reactions;
 mod report;
 mod results;
+mod sectors;
 pub(crate) mod vtu;
 
 pub use crate::memory::{forget_peak_memory, peak_memory_mib};

@@ -322,7 +322,8 @@ class Model:
 
     def cyclic(self, low: Names, high: Names, axis: Mapping[str, Any], sectors: int, **more: Any) -> Model:
         """Repeat the sector from the boundary `low` to `high` about an axis (``axis={"point": [0, 0]}``, in space
-        with a direction). As many sectors make the whole body, and the meshes of both sides need not match."""
+        with a direction). As many sectors make the whole body, and the meshes of both sides need not match. Files and pictures
+        show all of them with ``whole=True``."""
         return self.add("cyclic", low=low, high=high, axis=axis, sectors=sectors, **more)
 
     def equation(

@@ -205,7 +205,7 @@ impl Solved {
                         std::array::from_fn(|c| pressed[c] + rubbed[c])
                     };
                     let vectors: Vec<[f64; D]> = (0..count).map(whole).collect();
-                    let states: Vec<&str> = (0..count).map(|i| fields.status(i).name()).collect();
+                    let states: Vec<&str> = (0..count).map(|i| fields.status[i].name()).collect();
                     // The place that each node shows.
                     let mut shown = vec![-1; elastic.mesh.nodes.len()];
                     for (node, i) in shown_at_nodes(elastic, &fields, None) {

@@ -23,6 +23,31 @@ pub struct Stress {
 }
 
 impl Stress {
+    /// The same stress with the body turned: the axes, one a row, turn to these directions. In the plane z stays.
+    pub(crate) fn turned<const D: usize>(&self, ways: &[[f64; D]; D]) -> Self {
+        let to = |d: usize, c: usize| match (d < D, c < D) {
+            (true, true) => ways[d][c],
+            _ => f64::from(u8::from(d == c)),
+        };
+        let own = [
+            [self.xx, self.xy, self.zx],
+            [self.xy, self.yy, self.yz],
+            [self.zx, self.yz, self.zz],
+        ];
+        let part = |a: usize, b: usize| {
+            let rows = (0..3).map(|i| to(i, a) * (0..3).map(|j| own[i][j] * to(j, b)).sum::<f64>());
+            rows.sum()
+        };
+        Self {
+            xx: part(0, 0),
+            yy: part(1, 1),
+            zz: part(2, 2),
+            xy: part(0, 1),
+            yz: part(1, 2),
+            zx: part(2, 0),
+        }
+    }
+
     /// Subtracts a pressure that acts along all axes; in plane stress, only in the plane.
     fn relieve(&mut self, pressure: f64, in_plane_alone: bool) {
         self.xx -= pressure;

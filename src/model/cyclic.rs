@@ -31,6 +31,8 @@ pub struct Cyclic<const D: usize = 2> {
     high: Names,
     axis: Axis<D>,
     sectors: u32,
+    #[serde(default, skip_serializing_if = "super::stated::is_default")]
+    whole: bool,
 }
 
 with_a_name!(Cyclic);
@@ -49,7 +51,19 @@ impl<const D: usize> Cyclic<D> {
             high: high.into(),
             axis,
             sectors,
+            whole: false,
         }
+    }
+
+    /// `solution.vtu` and pictures show all sectors.
+    pub fn whole(mut self) -> Self {
+        self.whole = true;
+        self
+    }
+
+    /// The axis and the number of sectors, if results show all of them.
+    pub(super) fn shown(&self) -> Option<(&Axis<D>, u32)> {
+        self.whole.then_some((&self.axis, self.sectors))
     }
 }
 
@@ -81,6 +95,12 @@ where
 {
     /// Its places, on the side `high`; `held` has the directions along which nodes are held.
     pub(super) fn find(&self, body: &Body<D>, held: &Directions<D>) -> Result<Found<D>, Fault> {
+        if self.whole
+            && u32::try_from(body.mesh.nodes.len() as u64 * u64::from(self.sectors)).is_err()
+        {
+            let text = "all sectors have more nodes than a file can number: leave out whole";
+            return Err(Fault::Stated(text.to_owned()));
+        }
         let low = outer_facets(body.mesh, self.low.all())?;
         let high = outer_facets(body.mesh, self.high.all())?;
         // Which side is first about the axis, the mesh tells.

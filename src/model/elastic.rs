@@ -5,7 +5,7 @@ use super::Quantity;
 use super::contacts::{PairData, Sliding};
 use super::large::LooseBody;
 use super::supports::Prescriptions;
-use super::{Definition, Units};
+use super::{Axis, Cyclic, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
@@ -76,6 +76,11 @@ where
     /// Whether displacements may be large.
     pub fn is_large(&self) -> bool {
         self.definition.is_large()
+    }
+
+    /// The axis and the number of sectors, if results show all of them.
+    pub(crate) fn sectors(&self) -> Option<(&Axis<D>, u32)> {
+        self.definition.cyclics.iter().find_map(Cyclic::shown)
     }
 
     /// Number of load steps.

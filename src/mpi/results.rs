@@ -256,7 +256,7 @@ where
         step: &str,
     ) -> Result<(), ResultsError> {
         let elements = bodies.received.part.own_elements;
-        let piece = vtu::text(of.elastic, &of.fields, &of.contact, elements);
+        let piece = vtu::text(of, elements);
         let name = |rank: usize| format!("solution{step}-p{rank}.vtu");
         let (directory, rank) = (&self.directory, self.group.rank());
         let written = write(directory, &name(rank), &piece);

@@ -8,7 +8,6 @@ use crate::model::{Elastic, EntityKind, StepData};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
 use crate::sparse::add_times;
-use crate::ssnm::Sets;
 use std::collections::HashMap;
 
 /// Displacements and stresses at the end of a step, in the units of the case.
@@ -91,11 +90,12 @@ pub struct ContactFields<const D: usize = 2> {
     /// The depth that wear has taken off, length m; empty where nothing wears.
     pub worn: Vec<f64>,
     /// ν and the tangents of each node.
-    frames: Vec<[[f64; D]; D]>,
-    /// Whether a law of friction acts on the node.
-    has_friction: Vec<bool>,
-    tied: Vec<bool>,
-    sets: Sets<D>,
+    pub(super) frames: Vec<[[f64; D]; D]>,
+    /// The state of each node.
+    pub status: Vec<NodeStatus>,
+    /// Whether a law of friction acts on any node.
+    #[cfg_attr(not(feature = "plots"), allow(dead_code))]
+    pub(super) any_friction: bool,
 }
 
 impl<const D: usize> ContactFields<D>
@@ -133,22 +133,34 @@ where
         let bounds: Vec<f64> = bounds
             .map(|(&g, &tied)| if tied { 0.0 } else { g })
             .collect();
+        let has_friction = |i: usize| match changes {
+            None => problem.has_friction(i),
+            Some(changes) => changes.slip_bound[i] > 0.0 || changes.coefficient[i] > 0.0,
+        };
+        let bound = per_area(&pooled(&bounds), &areas, 1.0);
+        let status = |i: usize| {
+            if tied[i] {
+                NodeStatus::Tied
+            } else if solution.sets.is_separated(i) {
+                NodeStatus::Separated
+            } else if !has_friction(i) {
+                NodeStatus::Frictionless
+            } else if !solution.sets.slips(i) && bound[i] > 0.0 {
+                NodeStatus::Stick
+            } else {
+                NodeStatus::Slip
+            }
+        };
         Self {
             gap,
+            status: (0..m).map(status).collect(),
+            any_friction: (0..m).any(|i| has_friction(i) && !tied[i]),
             pressure: per_area(&pooled(normal), &areas, 1.0),
             traction: per_area(&pooled(tangential), &areas, -1.0),
-            bound: per_area(&pooled(&bounds), &areas, 1.0),
+            bound,
             slip,
             worn: solution.worn.clone(),
             frames: places.iter().map(|place| place.frame).collect(),
-            has_friction: (0..m)
-                .map(|i| match changes {
-                    None => problem.has_friction(i),
-                    Some(changes) => changes.slip_bound[i] > 0.0 || changes.coefficient[i] > 0.0,
-                })
-                .collect(),
-            tied,
-            sets: solution.sets.clone(),
         }
     }
 
@@ -166,30 +178,6 @@ where
                 + 0.0
         });
         [pressed, rubbed]
-    }
-
-    /// The state of contact node i.
-    pub fn status(&self, i: usize) -> NodeStatus {
-        if self.tied[i] {
-            NodeStatus::Tied
-        } else if self.sets.is_separated(i) {
-            NodeStatus::Separated
-        } else if !self.has_friction[i] {
-            NodeStatus::Frictionless
-        } else if !self.sets.slips(i) && self.bound[i] > 0.0 {
-            NodeStatus::Stick
-        } else {
-            NodeStatus::Slip
-        }
-    }
-
-    /// Whether a law of friction acts on any node.
-    #[cfg(feature = "plots")]
-    pub(super) fn any_friction(&self) -> bool {
-        self.has_friction
-            .iter()
-            .zip(&self.tied)
-            .any(|(has, tied)| *has && !tied)
     }
 
     /// `contact.csv`, in the order of the contacts, of their places along x, then y, then z.
@@ -236,7 +224,7 @@ where
                 format_args!(
                     "{},{},{}{vector},{}{rest}",
                     numbers.join(","),
-                    self.status(i).name(),
+                    self.status[i].name(),
                     csv_text(name_of(elastic.pair_of[i])),
                     elastic.contact.places[i].node.map_or("edge", |_| "node")
                 ),

@@ -243,7 +243,7 @@ where
     ElementKind: Space<D>,
 {
     let elements = of.elastic.mesh.elements.len();
-    let grid = vtu::text(of.elastic, &of.fields, &of.contact, elements);
+    let grid = vtu::text(of, elements);
     let table = of.contact.csv(of.elastic);
     Ok(vec![
         write(directory, &format!("solution{suffix}.vtu"), grid)?,

@@ -252,7 +252,7 @@ where
                 let late = rows()
                     .filter(|&i| {
                         elastic.contact.places[i].gap > pair.search_distance
-                            && fields.status(i) == NodeStatus::Frictionless
+                            && fields.status[i] == NodeStatus::Frictionless
                     })
                     .count();
                 if late > 0 && pair.tresca {

@@ -72,7 +72,11 @@ where
             (_, false) => format!(", load step {step}"),
             (_, true) => format!(", cycle {}, load step {within}", results.solution.cycle),
         };
-        let bodies = Bodies::new(step, of.elastic, &of.fields, &of.contact);
+        let whole = of.whole(of.elastic.mesh.elements.len());
+        let bodies = match &whole {
+            None => Bodies::new(step, of.elastic, &of.fields, &of.contact),
+            Some(all) => Bodies::new(step, &all.elastic, &all.fields, &all.contact),
+        };
         let pairs = &of.elastic.pairs;
         let picture = |name: &str, title: &str, svg, view| Picture {
             name: format!("{name}{suffix}"),

@@ -208,7 +208,7 @@ where
         for k in (D - 1) * i..(D - 1) * (i + 1) {
             // The elastic part of a compliant contact is recovered.
             let slip = match elastic.contact.compliance.is_empty() {
-                _ if fields.status(i) == NodeStatus::Tied => 0.0,
+                _ if fields.status[i] == NodeStatus::Tied => 0.0,
                 // Rows are others in each step.
                 _ if elastic.is_large() => solution.slip[k],
                 true => fields.slip[k] - before.get(k).copied().unwrap_or(0.0),
@@ -221,7 +221,7 @@ where
             contact.tangential_force -= tangential[i];
         }
         contact.max_pressure = contact.max_pressure.max(fields.pressure[i]);
-        let status = fields.status(i);
+        let status = fields.status[i];
         *match status {
             NodeStatus::Separated => &mut contact.separated,
             NodeStatus::Stick => &mut contact.stick,

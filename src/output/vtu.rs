@@ -1,6 +1,6 @@
 //! VTK unstructured grids (`.vtu`), inline base64, for ParaView (VTK File Formats, docs.vtk.org).
 
-use super::{ContactFields, NodeStatus, StepFields, put, shown_at_nodes};
+use super::{ContactFields, NodeStatus, OfBodies, StepFields, put, shown_at_nodes};
 use crate::contact::Space;
 use crate::elasticity::Stress;
 use crate::mesh::ElementKind;
@@ -148,8 +148,21 @@ pub(crate) fn whole(piece: &str, names: &[String]) -> String {
     text + "</PUnstructuredGrid>\n</VTKFile>\n"
 }
 
-/// The file of a step, with the first so many elements.
-pub(crate) fn text<const D: usize>(
+/// The file of a step, with the first so many elements, or all sectors of them.
+pub(crate) fn text<const D: usize>(of: &OfBodies<D>, elements: usize) -> String
+where
+    ElementKind: Space<D>,
+{
+    match of.whole(elements) {
+        None => written(of.elastic, &of.fields, &of.contact, elements),
+        Some(all) => {
+            let elements = all.elastic.mesh.elements.len();
+            written(&all.elastic, &all.fields, &all.contact, elements)
+        }
+    }
+}
+
+fn written<const D: usize>(
     elastic: &Elastic<D>,
     fields: &StepFields<D>,
     contact: &ContactFields<D>,
@@ -170,7 +183,7 @@ where
     };
     // 0: on no contact boundary.
     let status = |node: u32| {
-        shown.get(&node).map_or(0, |&i| match contact.status(i) {
+        shown.get(&node).map_or(0, |&i| match contact.status[i] {
             NodeStatus::Separated => 1,
             NodeStatus::Stick => 2,
             NodeStatus::Slip => 3,

@@ -74,7 +74,7 @@ fn a_contact_acts_in_the_steps_that_are_stated() {
             for i in 0..found.m() {
                 let pressed = YOUNG * depth * (moved + bottom);
                 assert!((fields.pressure[i] - pressed).abs() < 1e-8 * YOUNG * depth);
-                let status = fields.status(i);
+                let status = fields.status[i];
                 assert_eq!(status == NodeStatus::Separated, bottom != 0.0, "{status:?}");
                 // The gap is that of the body, whether it acts or not.
                 assert!((fields.gap[i] - bottom * depth).abs() < 1e-9 * depth);

@@ -164,7 +164,7 @@ fn a_box_in_a_corner_rests_on_both_walls() {
     for (i, &pair) in elastic.pair_of.iter().enumerate() {
         let expected = [2e6, 3e6][pair as usize];
         assert!((fields.pressure[i] / expected - 1.0).abs() < 1e-6);
-        assert_eq!(fields.status(i), NodeStatus::Frictionless);
+        assert_eq!(fields.status[i], NodeStatus::Frictionless);
     }
     for friction in ["{ coulomb = 0.2 }", "{ tresca = 1e5 }"] {
         let solved = run(&text(friction));

@@ -187,7 +187,7 @@ fn a_moving_tool_drags_the_block() {
     let m = stick.build.problem.m();
     // The far end of the sheared block lifts off, the rest goes with the tool.
     let sticking: Vec<usize> = (0..m)
-        .filter(|&i| stick.fields().status(i) == NodeStatus::Stick)
+        .filter(|&i| stick.fields().status[i] == NodeStatus::Stick)
         .collect();
     assert!(sticking.len() > m / 2, "{} of {m}", sticking.len());
     for i in sticking {
@@ -198,7 +198,7 @@ fn a_moving_tool_drags_the_block() {
     let slip = solve_case_twice(&text(0.1), 1e-8);
     let fields = slip.fields();
     let slipping = (0..m)
-        .filter(|&i| fields.status(i) == NodeStatus::Slip)
+        .filter(|&i| fields.status[i] == NodeStatus::Slip)
         .count();
     assert!(slipping > m / 2, "{slipping} of {m}");
     for i in 0..m {

@@ -70,7 +70,7 @@ where
             let size = |v: &[f64]| v.iter().fold(0.0, |sum: f64, v| sum.hypot(*v));
             let slip = size(&solution.slip[along.clone()]);
             let part = size(&solution.lambda[m..][along]) / solution.slip_bound[i];
-            let status = fields.status(i);
+            let status = fields.status[i];
             if slip > 100.0 * tolerance * largest {
                 assert_eq!(
                     status,

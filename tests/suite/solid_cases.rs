@@ -109,7 +109,7 @@ fn uniform_pressure_is_uniform_in_space() {
         assert!(fields.pressure.len() > 8);
         for (i, pressure) in fields.pressure.iter().enumerate() {
             assert!((pressure - p).abs() < 1e-8, "{pressure}");
-            assert_eq!(fields.status(i), NodeStatus::Frictionless);
+            assert_eq!(fields.status[i], NodeStatus::Frictionless);
         }
         let of_step = StepFields::new(solved.elastic(), solved.data(), &solved.solution);
         for (x, u) in solved
@@ -215,7 +215,7 @@ fn tractions_are_vectors_along_the_axes() {
             1e-12 * p,
         );
         assert!(size <= bound * (1.0 + 1e-9));
-        if fields.status(i) == NodeStatus::Slip {
+        if fields.status[i] == NodeStatus::Slip {
             slipping += 1;
             close(&[size], &[bound], 1e-9);
             // Against the slip: no part of one is along the other.

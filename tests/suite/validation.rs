@@ -89,7 +89,7 @@ fn inclined(text: &str) {
     for i in 0..fields.pressure.len() {
         assert!((fields.pressure[i] / expected - 1.0).abs() < 1e-8);
         assert!((fields.traction[i].abs() / (0.3 * expected) - 1.0).abs() < 1e-8);
-        assert_eq!(fields.status(i), NodeStatus::Stick);
+        assert_eq!(fields.status[i], NodeStatus::Stick);
     }
 }
 
@@ -144,7 +144,7 @@ fn blocks_pushed_sideways() {
     let states = |solved: &Solved| {
         let fields = solved.fields();
         let all: Vec<NodeStatus> = (0..fields.pressure.len())
-            .map(|i| fields.status(i))
+            .map(|i| fields.status[i])
             .collect();
         all
     };
@@ -188,7 +188,7 @@ fn greco_plate() {
     let fields = solved.fields();
     let last = |status: NodeStatus| {
         (0..fields.pressure.len())
-            .filter(|&i| fields.status(i) == status)
+            .filter(|&i| fields.status[i] == status)
             .map(|i| solved.place(i)[0])
             .fold(0.0, f64::max)
     };
@@ -430,7 +430,7 @@ fn bar_pull_out() {
     let solved = solve_case_twice(&text, 1e-8);
     let fields = solved.fields();
     let first = (0..fields.slip.len())
-        .filter(|&i| fields.status(i) == NodeStatus::Slip)
+        .filter(|&i| fields.status[i] == NodeStatus::Slip)
         .map(|i| solved.place(i)[0])
         .fold(f64::INFINITY, f64::min);
     compare("bar, slip length", 6.0 - first, p / g, 0.02);

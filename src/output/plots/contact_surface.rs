@@ -70,7 +70,7 @@ pub(super) fn svg(title: &str, bodies: &Bodies<3>, pair: usize) -> String {
         largest: pressures.iter().copied().fold(0.0, f64::max),
         rubbed: rubbed.fold(0.0, f64::max),
         has_friction: (order.iter())
-            .any(|&i| contact.bound[i] > 0.0 || contact.status(i) == NodeStatus::Stick),
+            .any(|&i| contact.bound[i] > 0.0 || contact.status[i] == NodeStatus::Stick),
         rows,
         name: format!("p{pair}t{}", bodies.step),
         svg: Svg::default(),
@@ -124,7 +124,7 @@ impl Scene<'_> {
     /// Whether the contact node at a node of the mesh touches the other side: the others may have a pressure of rounding.
     fn pressed(&self, node: u32) -> bool {
         let row = self.rows.get(&node);
-        row.is_some_and(|&i| self.contact.status(i) != NodeStatus::Separated)
+        row.is_some_and(|&i| self.contact.status[i] != NodeStatus::Separated)
     }
 
     /// The largest pressure of a developed surface, and its place.
@@ -250,7 +250,7 @@ impl Scene<'_> {
             .collect();
         let colour = |&i: &usize| {
             let mut all = colours.iter();
-            let found = all.find(|(state, _)| *state == self.contact.status(i));
+            let found = all.find(|(state, _)| *state == self.contact.status[i]);
             found.map_or(nothing, |&(_, colour)| colour)
         };
         for (at, nodes) in &developed.triangles {
@@ -379,7 +379,7 @@ impl Scene<'_> {
         let count = |state| {
             let mut here = self.rows.values();
             here.by_ref()
-                .filter(|&&i| self.contact.status(i) == state)
+                .filter(|&&i| self.contact.status[i] == state)
                 .count()
         };
         if self.has_friction {

@@ -26,7 +26,7 @@ pub(super) fn state<const D: usize>(contact: &ContactFields<D>, i: usize) -> Sta
 where
     ElementKind: Topology<D>,
 {
-    let status = contact.status(i);
+    let status = contact.status[i];
     let of = STATES.into_iter().find(|state| state.0 == status);
     of.unwrap_or(STATES[4])
 }
@@ -37,10 +37,10 @@ where
     ElementKind: Topology<D>,
 {
     // Bodies without friction have no stick and slip, and most with friction have nothing else.
-    let has_friction = contact.any_friction();
+    let has_friction = contact.any_friction;
     let mut all = 0..contact.pressure.len();
-    let without = all.any(|i| contact.status(i) == NodeStatus::Frictionless);
-    let tied = (0..contact.pressure.len()).any(|i| contact.status(i) == NodeStatus::Tied);
+    let without = all.any(|i| contact.status[i] == NodeStatus::Frictionless);
+    let tied = (0..contact.pressure.len()).any(|i| contact.status[i] == NodeStatus::Tied);
     let may = |state: &State| match state.0 {
         NodeStatus::Tied => tied,
         NodeStatus::Frictionless => without,

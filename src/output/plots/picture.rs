@@ -165,7 +165,7 @@ impl Scene<'_> {
         let radius = (0.25 * extent / places.len().max(1) as f64).clamp(1.6, 3.4);
         for (state, _, _, fill) in legend::states(self.bodies.contact) {
             let here = (places.iter().enumerate())
-                .filter(|&(i, _)| self.bodies.contact.status(i) == state)
+                .filter(|&(i, _)| self.bodies.contact.status[i] == state)
                 .map(|(_, place)| place.mean(|node| self.bodies.moved[node as usize]));
             let dot = |x: [f64; 2]| {
                 let [x, y] = self.place(x);
