@@ -24,6 +24,7 @@ pub struct Stress {
 
 impl Stress {
     /// The same stress with the body turned: the axes, one a row, turn to these directions. In the plane z stays.
+    #[cfg(feature = "files")]
     pub(crate) fn turned<const D: usize>(&self, ways: &[[f64; D]; D]) -> Self {
         let to = |d: usize, c: usize| match (d < D, c < D) {
             (true, true) => ways[d][c],

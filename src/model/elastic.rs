@@ -5,7 +5,9 @@ use super::Quantity;
 use super::contacts::{PairData, Sliding};
 use super::large::LooseBody;
 use super::supports::Prescriptions;
-use super::{Axis, Cyclic, Definition, Units};
+#[cfg(feature = "files")]
+use super::{Axis, Cyclic};
+use super::{Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
@@ -79,6 +81,7 @@ where
     }
 
     /// The axis and the number of sectors, if results show all of them.
+    #[cfg(feature = "files")]
     pub(crate) fn sectors(&self) -> Option<(&Axis<D>, u32)> {
         self.definition.cyclics.iter().find_map(Cyclic::shown)
     }
