@@ -4,6 +4,7 @@ use super::finite::{Deformed, Finite};
 use super::{Body, Plane, Temperature};
 use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
+use rayon::prelude::*;
 
 /// A state of stress, in Pa; in the plane σzz is perpendicular to it, round an axis the hoop stress, and σyz and σzx are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,6 +83,11 @@ impl Stress {
     }
 }
 
+/// Elements whose stresses one task finds: some 100 µs of work.
+const PIECE: usize = 256;
+/// Elements whose stresses are in memory at once before they are added up: at most 20 MB.
+const AT_ONCE: usize = 64 * PIECE;
+
 /// Stresses at the nodes and in the middle of the elements, from the displacements of all nodes.
 ///
 /// At a node the mean of the surrounding elements, weighted with their areas (volumes, those of rings too). Each gives
@@ -130,16 +136,34 @@ where
     let mut at_nodes = vec![Stress::default(); body.mesh.nodes.len()];
     let mut area = vec![0.0; body.mesh.nodes.len()];
     let mut in_elements = Vec::with_capacity(body.mesh.elements.len());
-    for element in &body.mesh.elements {
-        in_elements.push(element.kind().with(Recovery {
-            body,
-            element,
-            displacement,
-            temperature,
-            large,
-            at_nodes: &mut at_nodes,
-            area: &mut area,
-        }));
+    let of_some = |elements: &[mesh::Element<D>]| {
+        let mut of_nodes = Vec::new();
+        let of = |element: &mesh::Element<D>| {
+            element.kind().with(Recovery {
+                body,
+                element,
+                displacement,
+                temperature,
+                large,
+                of_nodes: &mut of_nodes,
+            })
+        };
+        let found: Vec<(Stress, f64)> = elements.iter().map(of).collect();
+        (found, of_nodes)
+    };
+    // The sums at the nodes are in the order of the elements, whoever has found their parts.
+    for elements in body.mesh.elements.chunks(AT_ONCE) {
+        let parts: Vec<_> = elements.par_chunks(PIECE).map(of_some).collect();
+        for (elements, (found, of_nodes)) in elements.chunks(PIECE).zip(parts) {
+            let mut of_nodes = of_nodes.into_iter();
+            for (element, (middle, size)) in elements.iter().zip(found) {
+                in_elements.push(middle);
+                for (&node, stress) in element.nodes().iter().zip(of_nodes.by_ref()) {
+                    at_nodes[node as usize].add(size, stress);
+                    area[node as usize] += size;
+                }
+            }
+        }
     }
     // Nodes of obstacles that move are in no element.
     let of_elements = at_nodes
@@ -153,7 +177,7 @@ where
     (at_nodes, in_elements)
 }
 
-/// Adds an element's stresses, times its area (volume), at its nodes; gives the one in its middle.
+/// Appends the stresses of an element at its nodes; gives the one in its middle and its area (volume).
 struct Recovery<'a, const D: usize>
 where
     ElementKind: Topology<D>,
@@ -163,17 +187,16 @@ where
     displacement: &'a [[f64; D]],
     temperature: Option<Temperature<'a, D>>,
     large: bool,
-    at_nodes: &'a mut [Stress],
-    area: &'a mut [f64],
+    of_nodes: &'a mut Vec<Stress>,
 }
 
 impl<const D: usize> Visit<D> for Recovery<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    type Output = Stress;
+    type Output = (Stress, f64);
 
-    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> Stress {
+    fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) -> (Stress, f64) {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
         let nodes = self.element.nodes();
         let body = self.body;
@@ -252,10 +275,8 @@ where
                 sum.add(E::extrapolation(at, number), stress);
             }
         }
-        for (&node, stress) in nodes.iter().zip(of_nodes) {
-            self.at_nodes[node as usize].add(size, stress);
-            self.area[node as usize] += size;
-        }
-        stress_at(E::CENTRE)
+        let middle = stress_at(E::CENTRE);
+        self.of_nodes.extend(of_nodes);
+        (middle, size)
     }
 }

@@ -264,7 +264,7 @@ where
         let rest = match rank {
             0 => {
                 let names: Vec<String> = (0..self.group.size()).map(name).collect();
-                let whole = vtu::whole(&piece, &names);
+                let whole = vtu::whole(&String::from_utf8_lossy(&piece), &names);
                 write(directory, &format!("solution{step}.pvtu"), whole).and_then(|whole| {
                     let table = of.contact.csv(of.elastic);
                     let table = write(directory, &format!("contact{step}.csv"), table)?;

@@ -1,64 +1,104 @@
 //! VTK unstructured grids (`.vtu`), inline base64, for ParaView (VTK File Formats, docs.vtk.org).
 
-use super::{ContactFields, NodeStatus, OfBodies, StepFields, put, shown_at_nodes};
+#[cfg(feature = "mpi")]
+use super::put;
+use super::{ContactFields, NodeStatus, OfBodies, StepFields, shown_at_nodes};
 use crate::contact::Space;
 use crate::elasticity::Stress;
 use crate::mesh::ElementKind;
 use crate::model::Elastic;
 use base64::Engine as _;
+use rayon::prelude::*;
+use std::array::from_fn;
+use std::io::Write as _;
+
+/// Bytes that one task turns into text: a multiple of three, so that its text is a part of the whole, and some 100 µs of work.
+const PIECE: usize = 3 << 16;
 
 /// The growing text of a file: arrays are large, and exist only once.
-struct Arrays(String);
+struct Arrays(Vec<u8>);
 
 impl Arrays {
-    /// One array: a length in front, then the values, little-endian.
-    fn array<T, const N: usize>(
+    fn put(&mut self, line: std::fmt::Arguments) {
+        self.0
+            .write_fmt(line)
+            .expect("writing to memory cannot fail");
+    }
+
+    /// One array: a length in front, then the values, little-endian. `bytes` gives the value of a number.
+    fn array<const N: usize>(
         &mut self,
         kind: &str,
         name: &str,
         components: usize,
-        values: impl IntoIterator<Item = T>,
-        bytes: impl Fn(T) -> [u8; N],
+        count: usize,
+        bytes: impl Fn(usize) -> [u8; N] + Sync,
     ) {
-        let mut raw = vec![0; 8];
-        raw.extend(values.into_iter().flat_map(bytes));
-        let length = (raw.len() - 8) as u64;
-        raw[..8].copy_from_slice(&length.to_le_bytes());
-        let encoded = base64::engine::general_purpose::STANDARD.encode(raw);
-        put(
-            &mut self.0,
-            format_args!(
-                "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{encoded}</DataArray>"
-            ),
-        );
+        self.put(format_args!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
+        ));
+        let length = 8 + count * N;
+        let head = ((count * N) as u64).to_le_bytes();
+        let begin = self.0.len();
+        self.0.resize(begin + length.div_ceil(3) * 4, 0);
+        let pieces = self.0[begin..].par_chunks_mut(PIECE / 3 * 4).enumerate();
+        pieces.for_each(|(piece, text)| {
+            let from = piece * PIECE;
+            let to = length.min(from + PIECE);
+            let mut raw = Vec::with_capacity(PIECE + N);
+            // From the value that the first byte belongs to.
+            let first = from.saturating_sub(8) / N;
+            raw.extend(if piece == 0 { &head[..] } else { &[] });
+            let start = if piece == 0 { 0 } else { 8 + first * N };
+            for i in first..count {
+                if start + raw.len() >= to {
+                    break;
+                }
+                raw.extend(bytes(i));
+            }
+            let raw = &raw[from - start..to - start];
+            let written = base64::engine::general_purpose::STANDARD.encode_slice(raw, text);
+            written.expect("as many digits as there is room for");
+        });
+        self.put(format_args!("</DataArray>\n"));
     }
 
     /// Rows of numbers.
-    fn floats<const N: usize>(&mut self, name: &str, rows: impl IntoIterator<Item = [f64; N]>) {
-        let values = rows.into_iter().flatten();
-        self.array("Float64", name, N, values, f64::to_le_bytes);
+    fn floats<const N: usize>(
+        &mut self,
+        name: &str,
+        count: usize,
+        row: impl Fn(usize) -> [f64; N] + Sync,
+    ) {
+        self.array("Float64", name, N, N * count, |i| {
+            row(i / N)[i % N].to_le_bytes()
+        });
     }
 
     fn scalars(&mut self, name: &str, values: &[f64]) {
-        self.floats(name, values.iter().map(|&v| [v]));
+        self.floats(name, values.len(), |i| [values[i]]);
     }
 
     /// Places or vectors; those of the plane have z = 0.
     fn vectors<const D: usize>(&mut self, name: &str, vectors: &[[f64; D]]) {
-        let spatial = |v: &[f64; D]| std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0));
-        self.floats::<3>(name, vectors.iter().map(spatial));
+        let spatial = |i: usize| from_fn(|c| vectors[i].get(c).copied().unwrap_or(0.0));
+        self.floats::<3>(name, vectors.len(), spatial);
     }
 
     /// Integers as codes of kinds.
-    fn kinds(&mut self, name: &str, values: impl IntoIterator<Item = i32>) {
-        self.array("Int32", name, 1, values, i32::to_le_bytes);
+    fn kinds(&mut self, name: &str, count: usize, kind: impl Fn(usize) -> i32 + Sync) {
+        self.array("Int32", name, 1, count, |i| kind(i).to_le_bytes());
     }
 
     fn stresses(&mut self, stresses: &[Stress]) {
         // ParaView's order of a symmetric tensor: xx yy zz xy yz xz.
-        let tensor = |s: &Stress| [s.xx, s.yy, s.zz, s.xy, s.yz, s.zx];
-        self.floats("stress", stresses.iter().map(tensor));
-        self.floats("von_mises", stresses.iter().map(|s| [s.von_mises()]));
+        let tensor = |i: usize| {
+            let s = &stresses[i];
+            [s.xx, s.yy, s.zz, s.xy, s.yz, s.zx]
+        };
+        self.floats("stress", stresses.len(), tensor);
+        let von_mises = |i: usize| [stresses[i].von_mises()];
+        self.floats("von_mises", stresses.len(), von_mises);
     }
 }
 
@@ -85,35 +125,42 @@ fn cell_type<const D: usize>(n_nodes: usize) -> u8 {
 /// A grid with the nodes of its cells, and its point and cell data.
 fn grid<'a, const D: usize>(
     points: &[[f64; D]],
-    cells: impl ExactSizeIterator<Item = &'a [u32]> + Clone,
+    n_cells: usize,
+    cell: impl Fn(usize) -> &'a [u32] + Sync,
     at_points: impl FnOnce(&mut Arrays),
     in_cells: impl FnOnce(&mut Arrays),
-) -> String {
-    let mut file = Arrays(format!(
+) -> Vec<u8> {
+    let mut file = Arrays(Vec::new());
+    file.put(format_args!(
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
          <UnstructuredGrid>\n\
-         <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n\
+         <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{n_cells}\">\n\
          <Points>\n",
         points.len(),
-        cells.len(),
     ));
     file.vectors("Points", points);
-    file.0 += "</Points>\n<Cells>\n";
-    let connectivity = cells.clone().flatten().map(|&node| i64::from(node));
-    file.array("Int64", "connectivity", 1, connectivity, i64::to_le_bytes);
-    let ends = cells.clone().scan(0, |end, nodes| {
-        *end += nodes.len() as i64;
+    file.put(format_args!("</Points>\n<Cells>\n"));
+    let nodes: Vec<u32> = (0..n_cells).flat_map(&cell).copied().collect();
+    let node = |i: usize| i64::from(nodes[i]).to_le_bytes();
+    file.array("Int64", "connectivity", 1, nodes.len(), node);
+    let ends = (0..n_cells).scan(0, |end, i| {
+        *end += cell(i).len() as i64;
         Some(*end)
     });
-    file.array("Int64", "offsets", 1, ends, i64::to_le_bytes);
-    let types = cells.map(|nodes| cell_type::<D>(nodes.len()));
-    file.array("UInt8", "types", 1, types, u8::to_le_bytes);
-    file.0 += "</Cells>\n<PointData Vectors=\"displacement\">\n";
+    let ends: Vec<i64> = ends.collect();
+    file.array("Int64", "offsets", 1, n_cells, |i| ends[i].to_le_bytes());
+    let kind = |i: usize| [cell_type::<D>(cell(i).len())];
+    file.array("UInt8", "types", 1, n_cells, kind);
+    file.put(format_args!(
+        "</Cells>\n<PointData Vectors=\"displacement\">\n"
+    ));
     at_points(&mut file);
-    file.0 += "</PointData>\n<CellData>\n";
+    file.put(format_args!("</PointData>\n<CellData>\n"));
     in_cells(&mut file);
-    file.0 += "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n";
+    file.put(format_args!(
+        "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+    ));
     file.0
 }
 
@@ -149,7 +196,7 @@ pub(crate) fn whole(piece: &str, names: &[String]) -> String {
 }
 
 /// The file of a step, with the first so many elements, or all sectors of them.
-pub(crate) fn text<const D: usize>(of: &OfBodies<D>, elements: usize) -> String
+pub(crate) fn text<const D: usize>(of: &OfBodies<D>, elements: usize) -> Vec<u8>
 where
     ElementKind: Space<D>,
 {
@@ -167,7 +214,7 @@ fn written<const D: usize>(
     fields: &StepFields<D>,
     contact: &ContactFields<D>,
     elements: usize,
-) -> String
+) -> Vec<u8>
 where
     ElementKind: Space<D>,
 {
@@ -214,14 +261,16 @@ where
         if !contact.worn.is_empty() {
             at_nodes.scalars("wear", &scattered(&contact.worn));
         }
-        at_nodes.kinds("contact_status", (0..mesh.nodes.len() as u32).map(status));
+        let status = |node: usize| status(node as u32);
+        at_nodes.kinds("contact_status", mesh.nodes.len(), status);
     };
     let in_cells = |in_elements: &mut Arrays| {
         in_elements.stresses(&fields.in_elements[..elements]);
-        in_elements.kinds("region", shown_elements.iter().map(|e| e.region as i32));
+        let region = |i: usize| shown_elements[i].region as i32;
+        in_elements.kinds("region", elements, region);
     };
-    let cells = shown_elements.iter().map(|element| element.nodes());
-    grid(&mesh.nodes, cells, at_points, in_cells)
+    let cell = |i: usize| shown_elements[i].nodes();
+    grid(&mesh.nodes, elements, cell, at_points, in_cells)
 }
 
 #[cfg(test)]
@@ -248,10 +297,12 @@ mod tests {
         let cells: [&[u32]; 2] = [&[0, 1, 2], &[0, 2, 3]];
         let file = grid(
             &points,
-            cells.into_iter(),
+            2,
+            |i| cells[i],
             |at_points| at_points.scalars("contact_pressure", &[0.0, 0.0, 1.0, 1.0]),
-            |in_cells| in_cells.kinds("region", [0, 1]),
+            |in_cells| in_cells.kinds("region", 2, |i| i as i32),
         );
+        let file = String::from_utf8(file).expect("a text");
         // The arrays by Python: base64.b64encode(struct.pack("<Q12d", 96, 0, 0, 0, 1, …)).
         assert_eq!(
             file,
@@ -292,7 +343,8 @@ mod tests {
         let cells: [&[u32]; 2] = [&[0, 1, 2, 3], &[1, 2, 3, 4]];
         let doubled = points.map(|p| p.map(|x| 2.0 * x));
         let at_points = |at_points: &mut Arrays| at_points.vectors("displacement", &doubled);
-        let file = grid(&points, cells.into_iter(), at_points, |_| {});
+        let file = grid(&points, 2, |i| cells[i], at_points, |_| {});
+        let file = String::from_utf8(file).expect("a text");
         assert_eq!(values(&file, "Points", f64::from_le_bytes), points.concat());
         let displacement = values(&file, "displacement", f64::from_le_bytes);
         assert_eq!(displacement[12..], [1.0, 1.0, 4.0]);
@@ -303,6 +355,32 @@ mod tests {
         assert!(file.contains(
             "Name=\"types\" NumberOfComponents=\"1\" format=\"binary\">AgAAAAAAAAAKCg==<"
         ));
+    }
+
+    /// Arrays of several pieces, at lengths around the ends of these.
+    #[test]
+    fn arrays_in_pieces_are_whole() {
+        fn check<const N: usize>(count: usize) {
+            let bytes = |i: usize| -> [u8; N] { from_fn(|k| (i * 7 + k * 31 + i / 256) as u8) };
+            let mut file = Arrays(Vec::new());
+            file.array("Any", "values", 1, count, bytes);
+            let text = String::from_utf8(file.0).expect("a text");
+            let mut raw = ((count * N) as u64).to_le_bytes().to_vec();
+            raw.extend((0..count).flat_map(bytes));
+            let expected = base64::engine::general_purpose::STANDARD.encode(raw);
+            assert_eq!(
+                text.split(['>', '<']).nth(2),
+                Some(expected.as_str()),
+                "{N} {count}"
+            );
+        }
+        for around in [0, 3, PIECE, 2 * PIECE] {
+            for off in 0..20 {
+                check::<1>((around + off).saturating_sub(10));
+                check::<4>((around / 4 + off).saturating_sub(10));
+                check::<8>((around / 8 + off).saturating_sub(10));
+            }
+        }
     }
 
     #[test]
