@@ -12,6 +12,7 @@ mod export;
 mod launcher;
 mod man;
 mod mesh;
+mod phases;
 mod solve;
 mod table1;
 
@@ -88,6 +89,10 @@ enum Command {
     /// they disagree, the exit code is 3. Other programs on this machine distort the times.
     #[cfg(feature = "gpu")]
     Bench(BenchArguments),
+    /// Measure each phase of a case with several numbers of threads, and what is not done in parallel
+    ///
+    /// Results go to a folder that is removed. Other programs on this machine distort the times.
+    Phases(PhasesArguments),
     /// List the GPUs and software adapters with their capabilities, in order of preference
     #[cfg(feature = "gpu")]
     Adapters,
@@ -129,6 +134,28 @@ struct SolveArguments {
     /// Report more: choices and their reasons, sizes, levels of multigrid, the time of each phase, requests to a GPU
     #[arg(long, short)]
     verbose: bool,
+}
+
+#[derive(clap::Args)]
+struct PhasesArguments {
+    /// The case file (TOML), or a deck of Abaqus or CalculiX (.inp)
+    case: PathBuf,
+    #[command(flatten)]
+    deck: DeckArguments,
+    #[command(flatten)]
+    engine: EngineArguments,
+    /// Replace or add an entry of the case, e.g. --set mesh.part.0.box.cells=[84,42,46]
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    settings: Vec<String>,
+    /// Numbers of threads, beside one [default: powers of two up to all cores]
+    #[arg(long, value_delimiter = ',', value_name = "P,…")]
+    threads: Vec<usize>,
+    /// Runs with each number of threads, of which the shortest time of each phase counts
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    repeat: usize,
+    /// Write the figures to this file as well, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(clap::Args)]
@@ -186,7 +213,7 @@ struct BenchArguments {
 }
 
 /// Reading of decks.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct DeckArguments {
     /// For a deck (.inp): continue without these keywords, options or types of elements though they change the result,
     /// e.g. --ignore NLGEOM,PLASTIC
@@ -195,7 +222,7 @@ struct DeckArguments {
 }
 
 /// The choice of processor and solver.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct EngineArguments {
     /// Where to compute, unless --stiffness decides it: the sparse factor is made on the CPU
     #[arg(long, value_enum, default_value = "auto")]
@@ -211,7 +238,7 @@ struct EngineArguments {
 }
 
 /// The choice of GPU and its precision.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct GpuArguments {
     /// Arithmetic of the GPU's kernels; answers are accurate to f64 in any case, and the CPU is not affected
     #[arg(long, value_enum, default_value = "auto")]
@@ -325,6 +352,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         } => convert::run(&input, &output, &deck.ignore, scale, cell_data.as_deref()),
         Command::Export(arguments) => export::run(&arguments),
         Command::Table1(arguments) => table1::run(&arguments),
+        Command::Phases(arguments) => phases::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Bench(arguments) => bench::run(&arguments),
         #[cfg(feature = "gpu")]

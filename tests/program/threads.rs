@@ -148,3 +148,64 @@ fn gpu() {
     ];
     compare(&case, &[1, 2]);
 }
+
+/// `signorini phases` prints each phase for each number of threads and writes the same as JSON; nothing else is left behind.
+#[test]
+fn phases_are_measured_by_threads() {
+    let out = tempfile::tempdir().or_panic();
+    let json = out.path().join("phases.json");
+    let run = command(&[
+        "phases",
+        "examples/press.toml",
+        "--threads",
+        "3",
+        "--repeat",
+        "1",
+        "--json",
+    ])
+    .arg(&json)
+    .env("TMPDIR", out.path())
+    .output()
+    .or_panic();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(0), "{said}");
+    let text = String::from_utf8_lossy(&run.stdout);
+    let table: Vec<Vec<&str>> = text
+        .lines()
+        .map(|line| line.split_whitespace().collect())
+        .collect();
+    assert_eq!(table[0][2..], ["1", "3", "ratio", "serial", "16", "64"]);
+    assert!(
+        table
+            .iter()
+            .any(|row| row.first() == Some(&"all") && row.len() == 7),
+        "{text}"
+    );
+    let read: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&json).or_panic()).or_panic();
+    assert_eq!(read["threads"], serde_json::json!([1, 3]));
+    let phases = read["phases"].as_array().expect("a list");
+    let seconds =
+        |row: &serde_json::Value, i: usize| row["seconds"][i].as_f64().unwrap_or(f64::NAN);
+    let all = phases.last().expect("all of them");
+    for i in 0..2 {
+        let parts: f64 = phases[..phases.len() - 1]
+            .iter()
+            .map(|row| seconds(row, i))
+            .sum();
+        assert!(
+            parts > 0.5 * seconds(all, i) && parts < 1.01 * seconds(all, i),
+            "{read}"
+        );
+    }
+    assert_eq!(
+        std::fs::read_dir(out.path()).or_panic().count(),
+        1,
+        "only phases.json"
+    );
+    let run = command(&["phases", "examples/press.toml", "--threads", "1"])
+        .output()
+        .or_panic();
+    assert_eq!(run.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&run.stderr).contains("a number above 1"));
+}
