@@ -530,8 +530,9 @@ where
     /// Area (volume) of each region.
     pub fn measures(&self) -> Vec<f64> {
         let mut measures = vec![0.0; self.regions.len()];
-        for element in &self.elements {
-            measures[element.region as usize] += self.measure(element);
+        let own: Vec<f64> = self.elements.par_iter().map(|e| self.measure(e)).collect();
+        for (element, own) in self.elements.iter().zip(own) {
+            measures[element.region as usize] += own;
         }
         measures
     }

@@ -343,6 +343,13 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
         });
     }
 
+    /// M x.
+    pub(crate) fn product(&self, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; self.n_rows()];
+        self.mul(x, &mut y);
+        y
+    }
+
     /// Passes each block row of y, with the same rows of x (if given) and of M x, to `finish`. Returns the sum of its
     /// results, made in tasks of a fixed size so that the number of threads does not change it.
     ///
@@ -412,14 +419,17 @@ impl<const R: usize, const C: usize> BlockCsr<R, C> {
 }
 
 impl Csr {
-    /// The entries of Mᵀ x in the columns that M has entries in, in their order.
-    pub(crate) fn transpose_times_filled(&self, x: &[f64]) -> Vec<f64> {
-        let mut terms: Vec<(usize, f64)> = self.triplets().map(|(i, j, v)| (j, v * x[i])).collect();
-        // Stable: each sum has the order of the rows.
-        terms.sort_by_key(|&(j, _)| j);
-        (terms.chunk_by(|a, b| a.0 == b.0))
-            .map(|terms| terms.iter().map(|(_, term)| term).sum())
-            .collect()
+    /// Mᵀ without its empty rows.
+    pub(crate) fn filled_columns(&self) -> Self {
+        let Self {
+            n_block_cols,
+            mut row_ptr,
+            col_idx,
+            values,
+            ..
+        } = self.transposed();
+        row_ptr.dedup();
+        Self::from_parts(row_ptr.len() - 1, n_block_cols, row_ptr, col_idx, values)
     }
 }
 

@@ -4,6 +4,7 @@ use super::build::BuildError;
 use super::{BoxTable, Case, CaseError, MeshTable, PartTable, RectangleTable, RotateTable};
 use crate::mesh::{self, AnyMesh, ElementKind, Mesh, Topology, structured};
 use crate::model::{Axis, Definition, Quantity, as_vector};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// The source of a mesh.
@@ -429,10 +430,9 @@ impl Case {
         let Some(map) = map else {
             return Ok(mesh);
         };
-        for place in &mut mesh.nodes {
-            *place = std::array::from_fn(|c| map[c].at(*place));
-        }
-        let turned = (mesh.elements.iter())
+        (mesh.nodes.par_iter_mut())
+            .for_each(|place| *place = std::array::from_fn(|c| map[c].at(*place)));
+        let turned = (mesh.elements.par_iter())
             .filter(|element| mesh.measure(element) < 0.0)
             .count();
         if turned != 0 && turned != mesh.elements.len() {

@@ -85,8 +85,8 @@ fn numbers(arguments: &PhasesArguments) -> Result<Vec<usize>, String> {
     threads.dedup();
     if threads[0] == 0 || threads.len() < 2 {
         return Err(
-            "--threads: numbers from 2 on are measured beside 1; there is one thread alone here"
-                .into(),
+            "--threads needs a number above 1: times are measured beside those of one thread"
+                .to_owned(),
         );
     }
     Ok(threads)

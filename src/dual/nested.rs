@@ -91,6 +91,8 @@ impl<'a, const D: usize> Grounded<'a, D> {
 /// and Bᵀ in f64, as well as the residuals of the refinement.
 pub struct NestedDual<B: Backend> {
     b: Arc<Csr>,
+    /// Bᵀ without its empty rows.
+    filled: Arc<Csr>,
     k: Arc<dyn SquareBlocks>,
     /// The f of the last load case.
     load: Arc<Vec<f64>>,
@@ -139,6 +141,7 @@ impl<B: Backend> NestedDual<B> {
         let (b, load) = (problem.contact_matrix(), problem.load_case().force());
         Ok(Self {
             b: Arc::clone(b),
+            filled: Arc::clone(problem.filled_columns()),
             k: Arc::clone(problem.stiffness()) as _,
             load: Arc::clone(load),
             on_backend: OnBackend::new(&mut pcg, b, load, unit)?,
@@ -182,6 +185,7 @@ impl<B: Backend> NestedDual<B> {
             (self.k, self.ties) = (Arc::clone(problem.stiffness()) as _, ties);
         }
         self.b = Arc::clone(problem.contact_matrix());
+        self.filled = Arc::clone(problem.filled_columns());
         self.load = Arc::clone(problem.load_case().force());
         self.unit = power_of_two_below(norm(&self.load));
         self.u.fill(0.0);
@@ -234,7 +238,7 @@ impl<B: Backend> NestedDual<B> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<Correction, DualError> {
-        let contact = self.b.transpose_times_filled(lambda);
+        let contact = self.filled.product(lambda);
         let terms = norm(&self.load).max(norm(&contact));
         if terms == 0.0 {
             // The error that PCG leaves in a vanishing u would have to shrink for ever.

@@ -397,31 +397,45 @@ where
     forces
 }
 
+/// Elements whose forces one task finds: some 100 µs of work.
+const PIECE: usize = 64;
+/// Elements whose forces are in memory at once before they are added up: at most 100 MB.
+const AT_ONCE: usize = 64 * PIECE;
+
 /// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements that contain one of
 /// some nodes.
 fn forces_of<const D: usize>(
     body: &Body<D>,
     at: Option<&Deformed<D>>,
     displacement: &[[f64; D]],
-    some: impl Fn(&u32) -> bool,
+    some: impl Fn(&u32) -> bool + Sync,
 ) -> Vec<[f64; D]>
 where
     ElementKind: Topology<D>,
 {
     let moduli = body.moduli();
     let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
-    for element in &body.mesh.elements {
-        let nodes = element.nodes();
-        if !nodes.iter().any(&some) {
-            continue;
+    let elements = body.mesh.elements.par_iter();
+    let elements = elements.filter(|element| element.nodes().iter().any(&some));
+    let elements: Vec<&mesh::Element<D>> = elements.collect();
+    let of_some = |elements: &[&mesh::Element<D>]| {
+        let mut all: Vec<(u32, [f64; D])> = Vec::new();
+        for element in elements {
+            let nodes = element.nodes();
+            let take = |a: usize, b: usize, block: &[[f64; D]; D]| {
+                let u = displacement[nodes[b] as usize];
+                all.push((nodes[a], block.map(|row| dot(row, u))));
+            };
+            visit_blocks(body, at, element, &moduli, |_| true, take);
         }
-        let take = |a: usize, b: usize, block: &[[f64; D]; D]| {
-            let u = displacement[nodes[b] as usize];
-            for (force, row) in forces[nodes[a] as usize].iter_mut().zip(block) {
-                *force += dot(*row, u);
-            }
-        };
-        visit_blocks(body, at, element, &moduli, |_| true, take);
+        all
+    };
+    // The sums have the order of the elements, whoever has found their parts.
+    for elements in elements.chunks(AT_ONCE) {
+        let parts: Vec<_> = elements.par_chunks(PIECE).map(of_some).collect();
+        for (node, part) in parts.into_iter().flatten() {
+            (0..D).for_each(|c| forces[node as usize][c] += part[c]);
+        }
     }
     forces
 }

@@ -7,7 +7,7 @@ use crate::elasticity::Stress;
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::StepData;
-use crate::output::files::{write, write_index, write_report, write_vectors};
+use crate::output::files::{write, write_index, write_pieces, write_report, write_vectors};
 use crate::output::reactions::support_reports;
 use crate::output::{
     ContactFields, EnginePath, OfBodies, OutputError, Report, StepFields, SupportReport,
@@ -259,12 +259,12 @@ where
         let piece = vtu::text(of, elements);
         let name = |rank: usize| format!("solution{step}-p{rank}.vtu");
         let (directory, rank) = (&self.directory, self.group.rank());
-        let written = write(directory, &name(rank), &piece);
+        let written = write_pieces(directory, &name(rank), &piece);
         agreed(&self.group, written)?;
         let rest = match rank {
             0 => {
                 let names: Vec<String> = (0..self.group.size()).map(name).collect();
-                let whole = vtu::whole(&String::from_utf8_lossy(&piece), &names);
+                let whole = vtu::whole(&String::from_utf8_lossy(&piece.concat()), &names);
                 write(directory, &format!("solution{step}.pvtu"), whole).and_then(|whole| {
                     let table = of.contact.csv(of.elastic);
                     let table = write(directory, &format!("contact{step}.csv"), table)?;

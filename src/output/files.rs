@@ -222,6 +222,18 @@ pub(crate) fn write(
     write_by(directory, name, |to| to.write_all(contents.as_ref()))
 }
 
+/// The same for contents in pieces.
+pub(crate) fn write_pieces(
+    directory: &Path,
+    name: &str,
+    pieces: &[Vec<u8>],
+) -> Result<PathBuf, OutputError> {
+    let mut all = pieces.iter();
+    write_by(directory, name, |to| {
+        all.try_for_each(|piece| to.write_all(piece))
+    })
+}
+
 /// The same for contents that are generated during writing.
 pub(super) fn write_by(
     directory: &Path,
@@ -246,7 +258,7 @@ where
     let grid = vtu::text(of, elements);
     let table = of.contact.csv(of.elastic);
     Ok(vec![
-        write(directory, &format!("solution{suffix}.vtu"), grid)?,
+        write_pieces(directory, &format!("solution{suffix}.vtu"), &grid)?,
         write(directory, &format!("contact{suffix}.csv"), table)?,
     ])
 }

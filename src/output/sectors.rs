@@ -203,7 +203,7 @@ mod tests {
                     pressed += 1;
                 }
                 assert_eq!(pressed, 7 * 4);
-                let file = String::from_utf8(vtu::text(&of, 9)).expect("a text");
+                let file = String::from_utf8(vtu::text(&of, 9).concat()).expect("a text");
                 assert!(file.contains("NumberOfPoints=\"112\" NumberOfCells=\"63\""));
                 seen += 1;
             }

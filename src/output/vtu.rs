@@ -10,19 +10,16 @@ use crate::model::Elastic;
 use base64::Engine as _;
 use rayon::prelude::*;
 use std::array::from_fn;
-use std::io::Write as _;
 
 /// Bytes that one task turns into text: a multiple of three, so that its text is a part of the whole, and some 100 µs of work.
 const PIECE: usize = 3 << 16;
 
-/// The growing text of a file: arrays are large, and exist only once.
-struct Arrays(Vec<u8>);
+/// The growing text of a file, in pieces: arrays are large, and exist only once.
+struct Arrays(Vec<Vec<u8>>);
 
 impl Arrays {
     fn put(&mut self, line: std::fmt::Arguments) {
-        self.0
-            .write_fmt(line)
-            .expect("writing to memory cannot fail");
+        self.0.push(line.to_string().into_bytes());
     }
 
     /// One array: a length in front, then the values, little-endian. `bytes` gives the value of a number.
@@ -39,27 +36,26 @@ impl Arrays {
         ));
         let length = 8 + count * N;
         let head = ((count * N) as u64).to_le_bytes();
-        let begin = self.0.len();
-        self.0.resize(begin + length.div_ceil(3) * 4, 0);
-        let pieces = self.0[begin..].par_chunks_mut(PIECE / 3 * 4).enumerate();
-        pieces.for_each(|(piece, text)| {
-            let from = piece * PIECE;
+        let piece = |number: usize| {
+            let from = number * PIECE;
             let to = length.min(from + PIECE);
-            let mut raw = Vec::with_capacity(PIECE + N);
-            // From the value that the first byte belongs to.
+            let mut raw = Vec::with_capacity(PIECE + 2 * N);
+            // From the value that the first byte belongs to; before all values there is the length.
             let first = from.saturating_sub(8) / N;
-            raw.extend(if piece == 0 { &head[..] } else { &[] });
-            let start = if piece == 0 { 0 } else { 8 + first * N };
+            raw.extend(if number == 0 { &head[..] } else { &[] });
+            let start = if number == 0 { 0 } else { 8 + first * N };
             for i in first..count {
                 if start + raw.len() >= to {
                     break;
                 }
                 raw.extend(bytes(i));
             }
-            let raw = &raw[from - start..to - start];
-            let written = base64::engine::general_purpose::STANDARD.encode_slice(raw, text);
-            written.expect("as many digits as there is room for");
-        });
+            let text =
+                base64::engine::general_purpose::STANDARD.encode(&raw[from - start..to - start]);
+            text.into_bytes()
+        };
+        let pieces = (0..length.div_ceil(PIECE)).into_par_iter().map(piece);
+        self.0.par_extend(pieces);
         self.put(format_args!("</DataArray>\n"));
     }
 
@@ -129,7 +125,7 @@ fn grid<'a, const D: usize>(
     cell: impl Fn(usize) -> &'a [u32] + Sync,
     at_points: impl FnOnce(&mut Arrays),
     in_cells: impl FnOnce(&mut Arrays),
-) -> Vec<u8> {
+) -> Vec<Vec<u8>> {
     let mut file = Arrays(Vec::new());
     file.put(format_args!(
         "<?xml version=\"1.0\"?>\n\
@@ -195,8 +191,8 @@ pub(crate) fn whole(piece: &str, names: &[String]) -> String {
     text + "</PUnstructuredGrid>\n</VTKFile>\n"
 }
 
-/// The file of a step, with the first so many elements, or all sectors of them.
-pub(crate) fn text<const D: usize>(of: &OfBodies<D>, elements: usize) -> Vec<u8>
+/// The file of a step in pieces, with the first so many elements, or all sectors of them.
+pub(crate) fn text<const D: usize>(of: &OfBodies<D>, elements: usize) -> Vec<Vec<u8>>
 where
     ElementKind: Space<D>,
 {
@@ -214,7 +210,7 @@ fn written<const D: usize>(
     fields: &StepFields<D>,
     contact: &ContactFields<D>,
     elements: usize,
-) -> Vec<u8>
+) -> Vec<Vec<u8>>
 where
     ElementKind: Space<D>,
 {
@@ -302,7 +298,7 @@ mod tests {
             |at_points| at_points.scalars("contact_pressure", &[0.0, 0.0, 1.0, 1.0]),
             |in_cells| in_cells.kinds("region", 2, |i| i as i32),
         );
-        let file = String::from_utf8(file).expect("a text");
+        let file = String::from_utf8(file.concat()).expect("a text");
         // The arrays by Python: base64.b64encode(struct.pack("<Q12d", 96, 0, 0, 0, 1, …)).
         assert_eq!(
             file,
@@ -344,7 +340,7 @@ mod tests {
         let doubled = points.map(|p| p.map(|x| 2.0 * x));
         let at_points = |at_points: &mut Arrays| at_points.vectors("displacement", &doubled);
         let file = grid(&points, 2, |i| cells[i], at_points, |_| {});
-        let file = String::from_utf8(file).expect("a text");
+        let file = String::from_utf8(file.concat()).expect("a text");
         assert_eq!(values(&file, "Points", f64::from_le_bytes), points.concat());
         let displacement = values(&file, "displacement", f64::from_le_bytes);
         assert_eq!(displacement[12..], [1.0, 1.0, 4.0]);
@@ -364,7 +360,7 @@ mod tests {
             let bytes = |i: usize| -> [u8; N] { from_fn(|k| (i * 7 + k * 31 + i / 256) as u8) };
             let mut file = Arrays(Vec::new());
             file.array("Any", "values", 1, count, bytes);
-            let text = String::from_utf8(file.0).expect("a text");
+            let text = String::from_utf8(file.0.concat()).expect("a text");
             let mut raw = ((count * N) as u64).to_le_bytes().to_vec();
             raw.extend((0..count).flat_map(bytes));
             let expected = base64::engine::general_purpose::STANDARD.encode(raw);

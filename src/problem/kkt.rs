@@ -241,7 +241,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// The larger of ‖f‖, without the contribution of prescribed displacements, and ‖Bᵀλ‖.
     pub(crate) fn acting_forces(&self, lambda: &[f64]) -> f64 {
-        let forces = self.contact_matrix().transpose_times_filled(lambda);
+        let forces = self.filled_columns().product(lambda);
         match self.load_case().acting.max(self.ranks().norm(&forces)) {
             // Only prescribed displacements.
             0.0 => self.ranks().norm(self.load()),

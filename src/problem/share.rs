@@ -47,6 +47,7 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
         let mut system = System {
             n: share.n[0],
             n_free: share.n[1],
+            filled: Arc::new(contact.filled_columns()),
             contact: Arc::new(contact),
             areas: share.areas,
             floating: share.free,

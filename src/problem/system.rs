@@ -2,7 +2,7 @@
 
 use super::{ContactData, FloatingBodies, Vertices, tangents};
 use crate::ranks::Ranks;
-use crate::sparse::{BlockCsr, Csr, PIECE};
+use crate::sparse::{BlockCsr, Csr, PIECE, ROWS_PER_TASK};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,6 +19,8 @@ pub struct System<const D: usize = 2> {
     pub(super) tangential: Csr,
     /// B.
     pub(super) contact: Arc<Csr>,
+    /// Bᵀ without its empty rows.
+    pub(super) filled: Arc<Csr>,
     pub(super) coordinates: Option<Vec<[f64; D]>>,
     /// The corners of elements of second order.
     pub(super) vertices: Option<Arc<Vertices<D>>>,
@@ -55,6 +57,7 @@ impl<const D: usize> System<D> {
             n,
             n_free: n,
             contact: Arc::new(Csr::from_triplets(0, 0, [])),
+            filled: Arc::new(Csr::from_triplets(0, 0, [])),
             areas: Vec::new(),
             floating,
             parts,
@@ -80,6 +83,7 @@ impl<const D: usize> System<D> {
         let contact = Csr::from_triplets(D * m, self.n_rows(), rows.filter(|&(_, _, v)| v != 0.0));
         let own = compliances::<D>(&normal, &tangential, &self.diagonal, &self.ranks);
         Self {
+            filled: Arc::new(contact.filled_columns()),
             contact: Arc::new(contact),
             areas: vec![1.0; m],
             compliance: own.clone(),
@@ -119,6 +123,11 @@ impl<const D: usize> System<D> {
     /// B = (N; T): D m rows, and as many columns as K.
     pub fn contact_matrix(&self) -> &Arc<Csr> {
         &self.contact
+    }
+
+    /// Bᵀ without its empty rows.
+    pub(crate) fn filled_columns(&self) -> &Arc<Csr> {
+        &self.filled
     }
 
     /// Whether B touches each block row of K.
@@ -285,10 +294,15 @@ impl<const D: usize> System<D> {
 
     /// The largest |Bᵢⱼ| times the size of unknown j, for each row of B; over all ranks their sum.
     pub(crate) fn row_sizes(&self, sizes: &[f64]) -> Vec<f64> {
-        let mut rows = vec![0.0_f64; self.contact.n_rows()];
-        for (i, j, v) in self.contact.triplets() {
-            rows[i] = rows[i].max((v * sizes[j]).abs());
-        }
+        let largest = |i: usize| {
+            let (columns, values) = self.contact.row(i);
+            let all = columns.iter().zip(values);
+            all.fold(0.0_f64, |most, (&j, v)| {
+                most.max((v[0][0] * sizes[j as usize]).abs())
+            })
+        };
+        let rows = (0..self.contact.n_rows()).into_par_iter();
+        let mut rows: Vec<f64> = rows.with_min_len(ROWS_PER_TASK).map(largest).collect();
         self.ranks.sum(&mut rows);
         rows
     }
