@@ -8,7 +8,7 @@ use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::large::LooseBody;
 use super::loads::{StepData, acting, end_of, region};
 use super::preload::Section;
-use super::{Definition, Model};
+use super::{Cyclic, Definition, Model};
 use crate::contact::{ContactRows, Space, contact_rows};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{Cut, ElementKind, Mesh, Topology};
@@ -231,6 +231,7 @@ where
         let elastic = Elastic {
             plane: definition.plane(),
             thickness: definition.thickness(),
+            sectors: definition.cyclics.iter().find_map(Cyclic::shown),
             unknowns,
             held: prescriptions.held(),
             supports: definition.held_by(),

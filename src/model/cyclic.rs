@@ -62,9 +62,8 @@ impl<const D: usize> Cyclic<D> {
     }
 
     /// The axis and the number of sectors, if results show all of them.
-    #[cfg(feature = "files")]
-    pub(super) fn shown(&self) -> Option<(&Axis<D>, u32)> {
-        self.whole.then_some((&self.axis, self.sectors))
+    pub(super) fn shown(&self) -> Option<(Axis<D>, u32)> {
+        self.whole.then_some((self.axis, self.sectors))
     }
 }
 

@@ -5,9 +5,7 @@ use super::Quantity;
 use super::contacts::{PairData, Sliding};
 use super::large::LooseBody;
 use super::supports::Prescriptions;
-#[cfg(feature = "files")]
-use super::{Axis, Cyclic};
-use super::{Definition, Units};
+use super::{Axis, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
@@ -49,6 +47,9 @@ where
     pub assembly_seconds: f64,
     /// The part of it for the search and the integrals of the contacts.
     pub pairing_seconds: f64,
+    /// The axis and the number of sectors, if results show all of them.
+    #[cfg_attr(not(feature = "files"), allow(dead_code))]
+    pub(crate) sectors: Option<(Axis<D>, u32)>,
     /// The source of the load of each step.
     pub(super) definition: Definition<D>,
     pub(super) prescriptions: Prescriptions<D>,
@@ -78,12 +79,6 @@ where
     /// Whether displacements may be large.
     pub fn is_large(&self) -> bool {
         self.definition.is_large()
-    }
-
-    /// The axis and the number of sectors, if results show all of them.
-    #[cfg(feature = "files")]
-    pub(crate) fn sectors(&self) -> Option<(&Axis<D>, u32)> {
-        self.definition.cyclics.iter().find_map(Cyclic::shown)
     }
 
     /// Number of load steps.

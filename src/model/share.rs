@@ -12,7 +12,7 @@ use super::elastic::Elastic;
 use super::error::{EntityKind, ModelError};
 use super::loads::{StepData, TemperatureField, acting, end_of};
 use super::supports::{Prescriptions, SAME, extended};
-use super::{Changes, Definition, Driven, PairData, Quantity, Units};
+use super::{Axis, Changes, Definition, Driven, PairData, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
@@ -38,6 +38,8 @@ pub(crate) struct Common {
     materials: Vec<Material>,
     plane: Plane,
     thickness: f64,
+    /// Of sectors that results show all of: a point of the axis, its direction in space, and their number.
+    sectors: Option<(Vec<f64>, Option<[f64; 3]>, u32)>,
     supports: Vec<String>,
     support_centres: Vec<Vec<f64>>,
     length: String,
@@ -369,6 +371,10 @@ where
             materials: elastic.materials.clone(),
             plane: elastic.plane,
             thickness: elastic.thickness,
+            sectors: elastic.sectors.map(|(axis, number)| {
+                let (point, direction) = axis.stated();
+                (point.to_vec(), direction, number)
+            }),
             supports: elastic.supports.clone(),
             support_centres: elastic.support_centres.iter().map(|x| x.to_vec()).collect(),
             length: elastic.units.length.clone(),
@@ -879,6 +885,9 @@ where
             materials: common.materials.clone(),
             plane: common.plane,
             thickness: common.thickness,
+            sectors: (common.sectors.as_ref()).map(|(point, direction, number)| {
+                (Axis::through(fixed(point), *direction), *number)
+            }),
             unknowns,
             held: held.collect(),
             supports: common.supports.clone(),

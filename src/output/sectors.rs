@@ -23,7 +23,7 @@ where
 {
     /// All sectors of the first so many elements, if results are wanted for them.
     pub(crate) fn whole(&self, elements: usize) -> Option<Whole<D>> {
-        let (axis, sectors) = self.elastic.sectors()?;
+        let (axis, sectors) = self.elastic.sectors?;
         let n = self.elastic.mesh.nodes.len() as u32;
         let mut sector = self.elastic.mesh.clone();
         sector.elements.truncate(elements);

@@ -367,6 +367,7 @@ low = "wheel-front"
 high = "wheel-left"
 axis = { point = [0, 0, 0], direction = [0, 0, 1] }
 sectors = 4
+whole = true
 [[support]]
 boundary = "wheel-bottom"
 z = 0
