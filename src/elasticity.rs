@@ -34,6 +34,7 @@ use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};
 use dilatation::Dilatation;
 use law::Law;
 use modes::Modes;
+use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 /// An isotropic linear material.
@@ -54,6 +55,8 @@ pub struct Material {
     pub incompatible_modes: bool,
     /// The elastic law for large displacements; for small ones both laws are the same.
     pub law: Hyperelastic,
+    /// The thickness of its bodies perpendicular to the plane, in m; None: [`Body::thickness`].
+    pub thickness: Option<f64>,
 }
 
 /// The law of a material with large displacements.
@@ -145,6 +148,25 @@ impl Depth {
     }
 }
 
+/// The extents of bodies at their facets.
+pub(crate) struct Depths {
+    whole: Depth,
+    /// Of edges of bodies whose thickness differs.
+    of_edges: HashMap<[u32; 2], f64>,
+}
+
+impl Depths {
+    fn ends([a, b]: [u32; 2]) -> [u32; 2] {
+        [a.min(b), a.max(b)]
+    }
+
+    /// At a facet.
+    pub fn of(&self, facet: &[u32]) -> Depth {
+        let own = self.of_edges.get(&Self::ends([facet[0], facet[1]]));
+        own.map_or(self.whole, |&thickness| Depth::Thickness(thickness))
+    }
+}
+
 impl Material {
     /// A material without weight that does not expand; E in Pa.
     pub const fn new(young: f64, poisson: f64) -> Self {
@@ -156,6 +178,7 @@ impl Material {
             incompressible: Incompressible::Auto,
             incompatible_modes: false,
             law: Hyperelastic::StVenantKirchhoff,
+            thickness: None,
         }
     }
 
@@ -219,7 +242,7 @@ where
     pub materials: &'a [Material],
     /// The state of the plane; in space plane strain, which has the same moduli.
     pub plane: Plane,
-    /// Thickness perpendicular to the plane; 1 in space and for bodies of revolution.
+    /// Thickness perpendicular to the plane of all regions whose material states none; 1 in space and for bodies of revolution.
     pub thickness: f64,
 }
 
@@ -238,18 +261,49 @@ impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
-    /// The extent perpendicular to the plane.
-    pub(crate) fn depth(&self) -> Depth {
+    /// The thickness of a region.
+    fn thickness_of(&self, region: u32) -> f64 {
+        let own = self.materials[region as usize].thickness;
+        own.unwrap_or(self.thickness)
+    }
+
+    /// The extent of a region perpendicular to the plane.
+    fn depth_of(&self, region: u32) -> Depth {
         match self.plane {
             Plane::Axisymmetric => Depth::Ring,
-            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness),
+            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness_of(region)),
         }
+    }
+
+    /// The extents perpendicular to the plane at facets.
+    pub(crate) fn depths(&self) -> Depths {
+        let mut of_edges = HashMap::new();
+        let differ = self
+            .materials
+            .iter()
+            .any(|material| material.thickness.is_some());
+        for element in self.mesh.elements.iter().filter(|_| D == 2 && differ) {
+            let (nodes, thickness) = (element.nodes(), self.thickness_of(element.region));
+            for facet in element.kind().facets() {
+                let ends = Depths::ends([nodes[facet[0]], nodes[facet[1]]]);
+                // Between two bodies the thinner one bears.
+                let least = of_edges.entry(ends).or_insert(thickness);
+                *least = thickness.min(*least);
+            }
+        }
+        let whole = match self.plane {
+            Plane::Axisymmetric => Depth::Ring,
+            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness),
+        };
+        Depths { whole, of_edges }
     }
 
     /// The moduli of each region.
     fn moduli(&self) -> Vec<Moduli> {
-        let of = |material: &Material| material.moduli(self.plane, self.thickness);
-        self.materials.iter().map(of).collect()
+        let of = |region: u32| {
+            self.materials[region as usize].moduli(self.plane, self.thickness_of(region))
+        };
+        (0..self.materials.len() as u32).map(of).collect()
     }
 }
 

@@ -487,19 +487,42 @@ impl<const D: usize> Definition<D> {
         self.units.clone().unwrap_or_default()
     }
 
+    /// Checks the thickness of all bodies, and those of regions.
+    fn check_thickness(&self) -> Result<(), ModelError> {
+        let whole = std::iter::once((Entity::all(EntityKind::Thickness), self.thickness()));
+        let of_regions = (self.materials.iter().enumerate()).filter_map(|(number, material)| {
+            let entity = material.entity(number).at("thickness");
+            Some((entity, material.thickness?))
+        });
+        for (entity, thickness) in of_regions.clone() {
+            if D == 3 {
+                let text = format!(
+                    "thickness is {thickness}: it has no meaning for a solid: leave it out"
+                );
+                return Err(entity.error(text));
+            }
+            if self.is_of_revolution() {
+                let text = "a body of revolution has no thickness: forces are for the whole ring; leave it out";
+                return Err(entity.error(text));
+            }
+        }
+        for (entity, thickness) in whole.chain(of_regions) {
+            if !(thickness > 0.0 && thickness.is_finite()) {
+                return Err(entity.error("thickness must be positive"));
+            }
+            if !is_sized(thickness) {
+                return Err(entity.error(format!("thickness is {thickness:e}: {SIZES}")));
+            }
+        }
+        Ok(())
+    }
+
     /// Checks everything in the model that needs no mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
         }
-        let thickness = self.thickness();
-        if !(thickness > 0.0 && thickness.is_finite()) {
-            return Err(Entity::all(EntityKind::Thickness).error("thickness must be positive"));
-        }
-        if !is_sized(thickness) {
-            let text = format!("thickness is {thickness:e}: {SIZES}");
-            return Err(Entity::all(EntityKind::Thickness).error(text));
-        }
+        self.check_thickness()?;
         if let Some(rotation) = &self.analysis.rotation {
             let fault = match rotation.axis {
                 None if D == 3 => {

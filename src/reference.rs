@@ -24,6 +24,7 @@ pub const MATERIAL: Material = Material {
     incompressible: crate::elasticity::Incompressible::Auto,
     incompatible_modes: false,
     law: crate::elasticity::Hyperelastic::StVenantKirchhoff,
+    thickness: None,
 };
 
 /// The geometry of a reference problem.

@@ -88,12 +88,14 @@ class Model:
         incompressible: bool | str | None = None,
         incompatible_modes: bool | None = None,
         expansion: float | None = None,
+        thickness: float | None = None,
         **more: Any,
     ) -> Model:
         """Give a region, several regions or all of them a material: E (`young`) in Pa, ν (`poisson`), `density` in kg/m³,
-        `expansion` in 1/K."""
+        `expansion` in 1/K, and in the plane the `thickness` of its bodies in m."""
         entries: dict[str, Any] = {"young": young, "poisson": poisson, "density": density}
-        entries |= {"incompressible": incompressible, "incompatible_modes": incompatible_modes, "expansion": expansion}
+        entries |= {"incompressible": incompressible, "incompatible_modes": incompatible_modes}
+        entries |= {"expansion": expansion, "thickness": thickness}
         return self.add("material", region=region, **entries, **more)
 
     def support(

@@ -225,7 +225,7 @@ where
     let of_size = Units::behind(&units.power(power));
     for ((name, size), material) in regions.zip(&elastic.materials) {
         lines.push(format!(
-            "region        \"{name}\": {measure} {size:.4e}{of_size}, E = {:.4e}{stress}, ν = {}, density {}{}{}",
+            "region        \"{name}\": {measure} {size:.4e}{of_size}, E = {:.4e}{stress}, ν = {}, density {}{}{}{}",
             material.young,
             material.poisson,
             material.density,
@@ -236,6 +236,10 @@ where
             match material.incompatible_modes {
                 true => ", incompatible modes",
                 false => "",
+            },
+            match material.thickness {
+                Some(thickness) => format!(", thickness {thickness}{length}"),
+                None => String::new(),
             }
         ));
     }

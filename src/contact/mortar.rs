@@ -52,7 +52,7 @@ use super::search::{Bounds, Search};
 use super::transformed::n_middles;
 use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, turn_tangents};
 use crate::dense;
-use crate::elasticity::{Body, Depth};
+use crate::elasticity::{Body, Depth, Plane};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
@@ -79,6 +79,7 @@ pub struct SlaveFacet<const D: usize> {
     slack: f64,
     /// The extent of the body perpendicular to the plane.
     depth: Depth,
+    plane: Plane,
     /// The directions along which some of its nodes are held.
     held: Vec<HeldAlong<D>>,
     /// Whether the bodies move: [`PairOptions::moves`].
@@ -371,8 +372,9 @@ where
     // A point exactly at the distance is within it.
     let distance = options.distance_between(body, facets, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
-    let first = Surface::new(mesh, facets, options)?;
-    let second = Surface::new(mesh, others, options)?;
+    let depths = body.depths();
+    let first = Surface::new(mesh, facets, &depths, options)?;
+    let second = Surface::new(mesh, others, &depths, options)?;
     let search = Search::new(mesh, others);
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
@@ -492,7 +494,8 @@ impl<const D: usize> SlaveFacet<D> {
             normals,
             normal: surface.outward[number],
             slack: surface.slack[number],
-            depth: body.depth(),
+            depth: surface.depth[number],
+            plane: body.plane,
             held: Vec::new(),
             moves: false,
         }

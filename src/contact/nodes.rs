@@ -204,7 +204,7 @@ where
 {
     let mut shares = vec![0.0; body.mesh.nodes.len()];
     body.integrate_on_boundary(facets, &|_| 1.0, &mut shares);
-    super::transformed::Transformed::new(body.depth(), facets).share(&mut shares);
+    super::transformed::Transformed::new(body.plane, facets).share(&mut shares);
     shares
 }
 

@@ -197,7 +197,7 @@ where
         return Err(obstacle.unseen());
     }
     let near = options.distance_to(body, facets, obstacle);
-    let transformed = Transformed::new(body.depth(), facets);
+    let transformed = Transformed::new(body.plane, facets);
     let mut area = vec![0.0; mesh.nodes.len()];
     let mut bound = area.clone();
     body.integrate_on_boundary(facets, &|_| 1.0, &mut area);

@@ -13,7 +13,7 @@
 //! around a node on the axis is zero. Where all integrals are positive, on edges and quadrilaterals with nine nodes, no
 //! transformation is necessary (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, have the same form of it).
 
-use crate::elasticity::Depth;
+use crate::elasticity::Plane;
 use crate::mesh::{facet_corners, facet_nodes};
 use std::collections::BTreeMap;
 
@@ -21,10 +21,10 @@ use std::collections::BTreeMap;
 const ALPHA: f64 = 0.2;
 
 /// Whether the functions of a facet with so many nodes and corners need the transformation.
-fn is_transformed(depth: Depth, n_nodes: usize, n_corners: usize) -> bool {
+fn is_transformed(plane: Plane, n_nodes: usize, n_corners: usize) -> bool {
     match (n_corners, n_nodes) {
         (3, 6) | (4, 8) => true,
-        (2, 3) => matches!(depth, Depth::Ring),
+        (2, 3) => plane == Plane::Axisymmetric,
         _ => false,
     }
 }
@@ -44,11 +44,11 @@ pub(super) struct Transformed {
 }
 
 impl Transformed {
-    pub fn new<F: AsRef<[u32]>>(depth: Depth, facets: &[F]) -> Self {
+    pub fn new<F: AsRef<[u32]>>(plane: Plane, facets: &[F]) -> Self {
         let mut ends = BTreeMap::new();
         for facet in facets {
             let (corners, nodes) = (facet_corners(facet), facet_nodes(facet));
-            if !is_transformed(depth, nodes.len(), corners.len()) {
+            if !is_transformed(plane, nodes.len(), corners.len()) {
                 continue;
             }
             let middles = &nodes[corners.len()..][..n_middles(corners.len())];
@@ -60,8 +60,8 @@ impl Transformed {
     }
 
     /// Ñ of a facet with so many nodes and corners from its shape functions, or integrals of these from those.
-    pub fn functions(depth: Depth, n_nodes: usize, corners: usize, mut of: [f64; 9]) -> [f64; 9] {
-        if is_transformed(depth, n_nodes, corners) {
+    pub fn functions(plane: Plane, n_nodes: usize, corners: usize, mut of: [f64; 9]) -> [f64; 9] {
+        if is_transformed(plane, n_nodes, corners) {
             for k in 0..n_middles(corners) {
                 let whole = of[corners + k];
                 of[corners + k] = (1.0 - 2.0 * ALPHA) * whole;

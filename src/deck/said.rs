@@ -35,6 +35,13 @@ pub(super) struct Section<'a> {
     pub thickness: Option<f64>,
 }
 
+impl Section<'_> {
+    /// That of its elements in the plane.
+    pub fn thickness(&self) -> f64 {
+        self.thickness.unwrap_or(1.0)
+    }
+}
+
 /// `*AMPLITUDE`: times and factors.
 pub(super) struct Amplitude {
     /// In capitals.

@@ -10,7 +10,7 @@ mod springs;
 use super::AnyDefinition;
 use super::adjust::Adjustment;
 use super::history::Times;
-use super::said::{Kind, MaterialCard, Refusal, Said};
+use super::said::{Kind, MaterialCard, Refusal, Said, Section};
 use crate::elasticity::{Material, Plane};
 use crate::mesh::abaqus::index::{Index, Wrong};
 use crate::model::{Definition, Filling, Geometry, Quantity, Steps, Units};
@@ -54,23 +54,10 @@ pub(super) fn check(said: &mut Said) {
         said.refuse(1, "SPRING", "there are elements of springs, but no *SPRING");
     }
     let planes = PLANES.map(|(begin, _)| said.types.iter().any(|name| name.starts_with(begin)));
-    let [_, stress, revolution] = planes;
+    let [_, _, revolution] = planes;
     if planes.iter().filter(|&&is_there| is_there).count() > 1 {
         let text = "elements of plane strain, of plane stress or of revolution in one deck";
         said.refuse(1, if revolution { "CAX" } else { "CPS" }, text);
-    }
-    let strain = planes[0];
-    let mut thicknesses: Vec<(usize, f64)> = (said.sections.iter())
-        .filter_map(|section| Some((section.line, section.thickness?)))
-        .collect();
-    thicknesses.dedup_by_key(|one| one.1);
-    if let ([_, (line, _), ..], true) = (&thicknesses[..], stress || strain) {
-        let line = *line;
-        said.refuse(
-            line,
-            "SOLID SECTION",
-            "*SOLID SECTION: all bodies must have the same thickness",
-        );
     }
 }
 
@@ -223,11 +210,18 @@ impl<const D: usize> Translation<'_, '_, D> {
             let plane = PLANES.iter().rfind(|(begin, _)| is_there(begin));
             let plane = plane.map_or(Plane::PlaneStrain, |known| known.1);
             self.definition.analysis.plane = Some(plane);
-            if plane != Plane::Axisymmetric {
+            if plane != Plane::Axisymmetric && !self.thickness_differs() {
                 let mut sections = self.said.sections.iter();
                 self.definition.analysis.thickness = sections.find_map(|section| section.thickness);
             }
         }
+    }
+
+    /// Whether bodies of the plane have more than one thickness: without a statement it is 1.
+    fn thickness_differs(&self) -> bool {
+        let mut all = self.said.sections.iter().map(Section::thickness);
+        let first = all.next();
+        D == 2 && !self.is_of_revolution() && all.any(|thickness| Some(thickness) != first)
     }
 
     fn is_of_revolution(&self) -> bool {
@@ -253,6 +247,7 @@ impl<const D: usize> Translation<'_, '_, D> {
     }
 
     fn materials(&mut self) -> Result<()> {
+        let differs = self.thickness_differs();
         for (number, section) in self.said.sections.iter().enumerate() {
             let found = (self.said.materials.iter()).find(|one| one.name == section.material);
             let Some(material) = found else {
@@ -289,6 +284,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                         density: material.density,
                         expansion: material.expansion,
                         incompatible_modes: modes,
+                        thickness: differs.then(|| section.thickness()),
                         ..Material::new(young, poisson)
                     };
                     let filling = Filling::of(Some(name.into()), stated);

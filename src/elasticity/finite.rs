@@ -436,7 +436,7 @@ where
             lambda,
             mu,
             bulk: 0.0,
-            thickness: body.thickness,
+            thickness: body.thickness_of(element.region),
         };
         if dilatation.is_some() {
             (law.lambda, law.bulk) = (-2.0 / 3.0 * mu, lambda + 2.0 / 3.0 * mu);
@@ -486,7 +486,7 @@ where
         element: &mesh::Element<D>,
     ) -> Self {
         let material = of.body.materials[element.region as usize];
-        let moduli = material.moduli(of.body.plane, of.body.thickness);
+        let moduli = material.moduli(of.body.plane, of.body.thickness_of(element.region));
         Self::new::<E, Q>(of, element, &moduli).0
     }
 

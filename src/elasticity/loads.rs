@@ -43,10 +43,11 @@ where
         facets: &[Facet<D>],
         mut take: impl FnMut(&[u32], &FacetPoint<D>, f64),
     ) {
-        let depth = self.depth();
+        let depths = self.depths();
         for facet in facets {
             let (x, len) = self.mesh.places_of(facet);
             let nodes = facet_nodes(facet);
+            let depth = depths.of(nodes);
             <ElementKind as Topology<D>>::facet_points(&x[..len], |point| {
                 take(nodes, point, depth.at(point.place) * point.weight);
             });
@@ -126,7 +127,8 @@ where
         let moduli = material.moduli(plane, 1.0);
         let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
         let dilatation = moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
-        let pressure = material.thermal_pressure(plane) * self.body.thickness;
+        let pressure =
+            material.thermal_pressure(plane) * self.body.thickness_of(self.element.region);
         let mut driving = [[0.0; D]; D];
         for (point, (xi, _)) in points.iter().zip(E::stiffness_rule()) {
             let place = point.place(&x);
@@ -181,7 +183,7 @@ where
         for point in E::load_points(&x) {
             let place = point.place(&x);
             let b = (self.force)(place, density);
-            let depth = self.body.depth().at(place);
+            let depth = self.body.depth_of(self.element.region).at(place);
             for (&node, shape) in self.element.nodes().iter().zip(point.shape) {
                 for c in 0..D {
                     self.forces[node as usize][c] += depth * point.weight * shape * b[c];

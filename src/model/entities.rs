@@ -1017,6 +1017,7 @@ pub(crate) struct Filling {
     incompatible_modes: bool,
     #[serde(default, skip_serializing_if = "stated::is_default")]
     law: Hyperelastic,
+    pub(super) thickness: Option<f64>,
 }
 
 impl Filling {
@@ -1030,6 +1031,7 @@ impl Filling {
             incompressible: material.incompressible,
             incompatible_modes: material.incompatible_modes,
             law: material.law,
+            thickness: material.thickness,
         }
     }
 
@@ -1042,6 +1044,7 @@ impl Filling {
             incompressible: self.incompressible,
             incompatible_modes: self.incompatible_modes,
             law: self.law,
+            thickness: self.thickness,
         }
     }
 }

@@ -321,7 +321,7 @@ where
         forces: &mut [[f64; D]],
         blocks: &mut Vec<Block<D>>,
     ) -> Result<(), ModelError> {
-        let body = self.body();
+        let depths = self.body().depths();
         let tractions = self
             .definition
             .tractions
@@ -336,6 +336,7 @@ where
             let facets = facets.map_err(|fault| traction.entity(number).error(fault))?;
             for facet in &facets {
                 let nodes = facet_nodes(facet);
+                let depth = depths.of(nodes);
                 let rest: Vec<[f64; D]> = nodes
                     .iter()
                     .map(|&node| self.mesh.nodes[node as usize])
@@ -347,7 +348,7 @@ where
                     let mut forces = vec![[0.0; D]; x.len()];
                     <ElementKind as Topology<D>>::facet_points(x, |point| {
                         let place = crate::mesh::shape::sum(&point.shape, &rest);
-                        let size = -factor * pressure.at(place) * body.depth().at(point.place);
+                        let size = -factor * pressure.at(place) * depth.at(point.place);
                         for (force, shape) in forces.iter_mut().zip(point.shape) {
                             let part = size * point.weight * shape;
                             (0..D).for_each(|c| force[c] += part * point.normal[c]);

@@ -14,7 +14,7 @@ const AXIS: &str = "axis of revolution";
 const ON_AXIS: f64 = 1e-6;
 
 impl<const D: usize> Definition<D> {
-    fn is_of_revolution(&self) -> bool {
+    pub(super) fn is_of_revolution(&self) -> bool {
         D == 2 && self.plane() == Plane::Axisymmetric
     }
 

@@ -1596,6 +1596,7 @@ const DECKS: &[&str] = &[
     "segmentm",
     "disk2",
     "distcoup",
+    "planestress2",
 ];
 
 /// Those of them with NLGEOM that run without it, here and there.

@@ -50,6 +50,7 @@ mod solids;
 mod springs;
 mod statics;
 mod thermal;
+mod thickness;
 mod ties;
 mod updated;
 mod validation;

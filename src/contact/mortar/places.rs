@@ -7,7 +7,7 @@ use crate::contact::{
     ContactError, ContactPlace, Friction, PairOptions, checked, frame, mean, turn_tangents,
 };
 use crate::dense;
-use crate::elasticity::{Body, Depth};
+use crate::elasticity::{Body, Depth, Plane};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Groups, Mesh, Topology, border, facet_corners, facet_nodes};
 use faer::Mat;
@@ -70,7 +70,7 @@ where
 {
     pub fn new(body: &Body<D>, first: &Surface<D>, shares: &[FacetShares<D>]) -> Self {
         let keys = Keys::new(first, shares);
-        let transformed = Transformed::new(body.depth(), first.facets);
+        let transformed = Transformed::new(body.plane, first.facets);
         let mut sums: BTreeMap<Key, Sums<D>> = BTreeMap::new();
         for (facet, shares) in shares.iter().enumerate() {
             let nodes = facet_nodes(&first.facets[facet]);
@@ -102,12 +102,16 @@ where
         first: &Surface<D>,
         options: &PairOptions<D>,
     ) -> Result<Vec<ContactPlace<D>>, ContactError> {
-        // ∫ φ over all facets of a smooth part at a node, covered or not (of a quadrilateral a fourth of its area).
-        let mut full: HashMap<(u32, u32), f64> = HashMap::new();
-        let depth = body.depth();
+        // ∫ φ over all facets of a smooth part at a node, covered or not (of a quadrilateral a fourth of its area), and the same times
+        // the thickness.
+        let mut full: HashMap<(u32, u32), [f64; 2]> = HashMap::new();
         for (number, facet) in first.facets.iter().enumerate() {
             let nodes = facet_nodes(facet);
             let n_corners = facet_corners(facet).len();
+            let thickness = match first.depth[number] {
+                Depth::Thickness(thickness) => thickness,
+                Depth::Ring => 1.0,
+            };
             let mut parts = [first.measure[number] / nodes.len() as f64; 9];
             if nodes.len() > n_corners {
                 parts = [0.0; 9];
@@ -115,10 +119,12 @@ where
                 <ElementKind as Topology<D>>::facet_points(&x[..len], |point| {
                     (0..len).for_each(|k| parts[k] += point.weight * point.shape[k]);
                 });
-                parts = Transformed::functions(depth, len, n_corners, parts);
+                parts = Transformed::functions(body.plane, len, n_corners, parts);
             }
             for (&node, part) in nodes.iter().zip(parts) {
-                *full.entry((node, first.part[number])).or_default() += part;
+                let sums = full.entry((node, first.part[number])).or_default();
+                sums[0] += part;
+                sums[1] += part * thickness;
             }
         }
         let (mut places, mut of_parts, mut whole) = (Vec::new(), Vec::new(), Vec::new());
@@ -128,14 +134,16 @@ where
             };
             whole.push(match key {
                 Key::Node { node, .. } if sums.is_curved => full[&(node, sums.parts.0)],
-                _ => (place.own.iter())
-                    .map(|&(node, weight)| weight * full[&(node, sums.parts.0)])
-                    .sum(),
+                _ => [0, 1].map(|k| {
+                    let own = place.own.iter();
+                    own.map(|&(node, weight)| weight * full[&(node, sums.parts.0)][k])
+                        .sum()
+                }),
             });
             of_parts.push(sums.parts);
             places.push(place);
         }
-        pool(&mut places, &of_parts, &whole, depth);
+        pool(&mut places, &of_parts, &whole, body.plane);
         Ok(places)
     }
 }
@@ -607,7 +615,7 @@ fn centre<const D: usize>(
 }
 
 /// Gives each place the number of the pool for its displayed pressure. A place may have little area compared with the
-/// mesh there, `whole` without the uncovered part. It is then pooled with those nearest to it until they have enough
+/// mesh there, `whole` (without and with the thickness) if all of it were covered. It is then pooled with those nearest to it until they have enough
 /// area together.
 ///
 /// With less than a quarter of the size along each direction of the boundary, pressures depend as much on where the
@@ -615,12 +623,17 @@ fn centre<const D: usize>(
 fn pool<const D: usize>(
     places: &mut [ContactPlace<D>],
     parts: &[Parts],
-    whole: &[f64],
-    depth: Depth,
+    whole: &[[f64; 2]],
+    plane: Plane,
 ) {
     let ways = D as i32 - 1;
-    let enough =
-        |i: usize| (1.0 - TIE) * whole[i] * depth.at(places[i].place) * 0.25_f64.powi(ways);
+    let enough = |i: usize| {
+        let round = match plane {
+            Plane::Axisymmetric => Depth::Ring.at(places[i].place),
+            Plane::PlaneStrain | Plane::PlaneStress => 1.0,
+        };
+        (1.0 - TIE) * whole[i][1] * round * 0.25_f64.powi(ways)
+    };
     let enough: Vec<f64> = (0..places.len()).map(enough).collect();
     let few: Vec<usize> = (0..places.len())
         .filter(|&i| places[i].area < enough[i])
@@ -636,7 +649,7 @@ fn pool<const D: usize>(
             .collect();
         for i in ranked(&sizes).into_iter().map(|k| few[k]) {
             // A place more than two facets away is not a neighbour.
-            let reach = 2.0 * whole[i].abs().powf(1.0 / f64::from(ways));
+            let reach = 2.0 * whole[i][0].abs().powf(1.0 / f64::from(ways));
             // All places at the same distance are taken.
             let mut before = 0.0;
             for near in tree.nearest_neighbor_iter(places[i].place) {

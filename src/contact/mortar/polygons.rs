@@ -437,7 +437,7 @@ pub(super) fn covers(
                     }
                     if is_whole {
                         let functions = Transformed::functions(
-                            slave.depth,
+                            slave.plane,
                             slave.len,
                             own.n_corners(),
                             here.shape,

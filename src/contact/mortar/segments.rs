@@ -206,7 +206,7 @@ pub(super) fn covers(
             }
             match (is_whole, is_curved) {
                 (true, _) => {
-                    let beta = Transformed::functions(slave.depth, slave.len, 2, point.slave);
+                    let beta = Transformed::functions(slave.plane, slave.len, 2, point.slave);
                     cover.functions.extend(&beta[..slave.len]);
                 }
                 (false, false) => {

@@ -3,6 +3,7 @@
 use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
 use crate::contact::ContactError;
 use crate::contact::search::Search;
+use crate::elasticity::{Depth, Depths};
 use crate::mesh::vector::{dot, length, unit};
 use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes};
 use std::collections::HashMap;
@@ -20,6 +21,8 @@ where
     pub slack: Vec<f64>,
     /// The smooth part that each belongs to.
     pub part: Vec<u32>,
+    /// The extents of their bodies perpendicular to the plane.
+    pub depth: Vec<Depth>,
     /// At each node, and in each part that it belongs to, the unit normal halfway between those of the facets.
     normals: HashMap<(u32, u32), [f64; D]>,
 }
@@ -33,6 +36,7 @@ where
     pub fn new(
         mesh: &Mesh<D>,
         facets: &'a [Facet<D>],
+        depths: &Depths,
         options: &PairOptions<D>,
     ) -> Result<Self, ContactError> {
         let (measure, outward): (Vec<f64>, Vec<_>) =
@@ -76,6 +80,9 @@ where
             outward,
             slack: slack.collect(),
             part,
+            depth: (facets.iter())
+                .map(|facet| depths.of(facet_nodes(facet)))
+                .collect(),
             normals,
         })
     }

@@ -119,6 +119,7 @@ impl<'a> Said<'a> {
 
     /// Nodes that depend on each other: lines with a type and nodes or sets; a line without a type goes on with the one above.
     pub(super) fn multi_point(&mut self, card: &Card<'a>) -> Result<()> {
+        self.only(&card.keyword, &[]);
         let mut all: Vec<(usize, &str, Vec<&str>)> = Vec::new();
         for &(line, text) in &card.data {
             let mut parts = entries(text).map(plain);
