@@ -193,11 +193,25 @@ where
         mesh
     }
 
-    /// How far the sides of a place have moved against each other, or with positions for u, are apart.
-    fn apart(place: &ContactPlace<D>, u: &[[f64; D]]) -> [f64; D] {
-        let mut sum = place.mean(|node| u[node as usize]);
-        for &(node, weight) in &place.partners {
-            (0..D).for_each(|c| sum[c] -= weight * u[node as usize][c]);
+    /// How far the sides of a place have moved against each other, or with positions for u, are apart. Where nodes are held, it is
+    /// measured along each of these directions as the row along it says, because the forces act on the same nodes.
+    fn apart(place: &ContactPlace<D>, frame: &[[f64; D]; D], u: &[[f64; D]]) -> [f64; D] {
+        let between = |a: usize| {
+            let mut sum = [0.0; D];
+            for (side, sign) in place.sides(a).into_iter().zip([1.0, -1.0]) {
+                for &(node, weight) in side {
+                    (0..D).for_each(|c| sum[c] += sign * weight * u[node as usize][c]);
+                }
+            }
+            sum
+        };
+        if place.directed.is_empty() {
+            return between(0);
+        }
+        let mut sum = [0.0; D];
+        for (a, way) in frame.iter().enumerate() {
+            let along = dot(between(a), *way);
+            (0..D).for_each(|c| sum[c] += along * way[c]);
         }
         sum
     }
@@ -216,7 +230,7 @@ where
     fn touch(&self, place: ContactPlace<D>, pair: u32, nodes: &[[f64; D]]) -> Touch<D> {
         Touch {
             rest: place.mean(|node| self.mesh.nodes[node as usize]),
-            apart: Self::apart(&place, nodes),
+            apart: Self::apart(&place, &place.frame, nodes),
             distance: 0.0,
             pair,
             place,
@@ -308,8 +322,8 @@ where
                     }
                     None => {
                         // The rows of ties and of nodes that move alike stay the same.
-                        let [so_far, then] =
-                            [&now.displacement, &before.displacement].map(|u| Self::apart(rest, u));
+                        let [so_far, then] = [&now.displacement, &before.displacement]
+                            .map(|u| Self::apart(rest, &rest.frame, u));
                         touch.place.gap = rest.gap - dot(so_far, rest.frame[0]);
                         touch.slip = minus(so_far, then);
                     }
@@ -498,7 +512,7 @@ where
             // A place that the other side has come to slips as the nearest one does that was opposite to it.
             if let Some(k) = near(&earlier[1], touch, f64::INFINITY) {
                 let origin = &before[k];
-                let there = Self::apart(&origin.place, &moved.nodes);
+                let there = Self::apart(&origin.place, &touch.place.frame, &moved.nodes);
                 let then = turned_with(origin.apart, origin.normal(), touch.normal());
                 touch.slip = minus(there, then);
             }

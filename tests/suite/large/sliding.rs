@@ -289,6 +289,56 @@ fn a_pressed_and_turned_patch_is_uniform() {
     }
 }
 
+/// Blocks with meshes that do not match, each free to move up and down its side of a plane of symmetry, pressed by a fifth: both widen
+/// alike, so that nothing rubs. Where a node and those opposite to it are held along the boundary, forces and slip belong to the same nodes.
+#[test]
+fn a_patch_beside_a_plane_of_symmetry_is_uniform() {
+    for (cells, second_order) in [([3, 4], false), ([4, 3], false), ([3, 5], true)] {
+        for first in ["up-bottom", "low-top"] {
+            let block = |name: &str, y, cells| {
+                let prefix = format!("{name}-");
+                rectangle(
+                    [0.0, y],
+                    [1.0, 1.0],
+                    [cells, 2],
+                    CellShape::Quad,
+                    name,
+                    &prefix,
+                )
+            };
+            let mesh = join(block("low", 0.0, cells[0]), block("up", 1.0, cells[1]));
+            let mesh = match second_order {
+                true => mesh.raised().expect("no pyramids"),
+                false => mesh,
+            };
+            let second = if first == "up-bottom" {
+                "low-top"
+            } else {
+                "up-bottom"
+            };
+            let model = Model::on(mesh.clone())
+                .large_displacements()
+                .material(Material::new(1.0, 0.3))
+                .support(Support::on(["low-left", "up-left"]).x(0.0))
+                .support(Support::on("low-bottom").y(0.0))
+                .support(Support::on("up-top").y(-0.4))
+                .contact(Pair::new(first, second).coulomb(0.3));
+            let end = solved(model, 1e-10, Cholesky).remove(0);
+            assert_eq!(end.status, Status::Converged);
+            assert!(end.iterations <= 16, "{}", end.iterations);
+            let wider = (mesh.nodes.iter().zip(&end.displacement))
+                .find(|(x, _)| **x == [1.0, 0.0])
+                .map(|(_, u)| u[0])
+                .expect("a corner");
+            assert!(wider > 0.05);
+            for (x, u) in mesh.nodes.iter().zip(&end.displacement) {
+                let off = length(minus(*u, [wider * x[0], -0.2 * x[1]]));
+                assert!(off < 1e-8, "{first} {cells:?}: {off:e} at {x:?}");
+            }
+        }
+    }
+}
+
 /// A beam with a nose snaps over a bump and back: the forces on the bump at 40 places of its way.
 fn snapped(fine: usize, coulomb: f64) -> Vec<End<2>> {
     let curved = |mesh: Mesh| mesh.raised().expect("no pyramids");
