@@ -21,6 +21,7 @@ poisson = 0.3
 region = "beam"
 young = 7e9
 poisson = 0.2
+thickness = 0.5
 [[traction]]
 boundary = "beam-top"
 y = "-1e6 * (1 + x)"
