@@ -4,7 +4,7 @@
 //! lower limit: the bytes that the algorithm must move at the bandwidth of a copy measured in the same run. Each input
 //! is read once, each output written once.
 
-use crate::backend::cpu::{self, Cpu};
+use crate::backend::cpu::{self, COPIED, Cpu};
 use crate::backend::gpu::{Context, Gpu, GpuError, KernelTime};
 use crate::backend::{Backend, BackendError, Precision};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual};
@@ -112,8 +112,6 @@ pub struct Row {
     pub peak_memory_mib: Option<f64>,
 }
 
-/// Bytes of the vectors that measure the bandwidth, beyond every cache.
-const COPIED: usize = 256 << 20;
 /// Repetitions of simple work between two looks at the clock.
 const REPEATS: usize = 20;
 

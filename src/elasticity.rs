@@ -34,6 +34,7 @@ use crate::mesh::{ElementKind, Mesh, ShapeFunctions, Topology};
 use dilatation::Dilatation;
 use law::Law;
 use modes::Modes;
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
@@ -269,9 +270,13 @@ where
 
     /// The extent of a region perpendicular to the plane.
     fn depth_of(&self, region: u32) -> Depth {
+        self.depth(self.thickness_of(region))
+    }
+
+    fn depth(&self, thickness: f64) -> Depth {
         match self.plane {
             Plane::Axisymmetric => Depth::Ring,
-            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness_of(region)),
+            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(thickness),
         }
     }
 
@@ -291,10 +296,7 @@ where
                 *least = thickness.min(*least);
             }
         }
-        let whole = match self.plane {
-            Plane::Axisymmetric => Depth::Ring,
-            Plane::PlaneStrain | Plane::PlaneStress => Depth::Thickness(self.thickness),
-        };
+        let whole = self.depth(self.thickness);
         Depths { whole, of_edges }
     }
 
@@ -304,6 +306,24 @@ where
             self.materials[region as usize].moduli(self.plane, self.thickness_of(region))
         };
         (0..self.materials.len() as u32).map(of).collect()
+    }
+}
+
+/// Finds a result for each piece of some elements on all cores, and takes them in order, whoever has found them. At most
+/// 64 pieces are in memory at once.
+fn in_order<E: Sync, R: Send>(
+    elements: &[E],
+    piece: usize,
+    find: impl Fn(&[E]) -> R + Sync,
+    mut take: impl FnMut(&[E], R),
+) {
+    /// Enough for all cores, and few enough for memory.
+    const AT_ONCE: usize = 64;
+    for elements in elements.chunks(AT_ONCE * piece) {
+        let found: Vec<R> = elements.par_chunks(piece).map(&find).collect();
+        for (elements, found) in elements.chunks(piece).zip(found) {
+            take(elements, found);
+        }
     }
 }
 

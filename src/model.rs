@@ -487,26 +487,21 @@ impl<const D: usize> Definition<D> {
         self.units.clone().unwrap_or_default()
     }
 
-    /// Checks the thickness of all bodies, and those of regions.
-    fn check_thickness(&self) -> Result<(), ModelError> {
-        let whole = std::iter::once((Entity::all(EntityKind::Thickness), self.thickness()));
-        let of_regions = (self.materials.iter().enumerate()).filter_map(|(number, material)| {
+    /// The thicknesses that regions have of their own.
+    fn own_thicknesses(&self) -> impl Iterator<Item = (Entity, f64)> {
+        (self.materials.iter().enumerate()).filter_map(|(number, material)| {
             let entity = material.entity(number).at("thickness");
             Some((entity, material.thickness?))
-        });
-        for (entity, thickness) in of_regions.clone() {
-            if D == 3 {
-                let text = format!(
-                    "thickness is {thickness}: it has no meaning for a solid: leave it out"
-                );
-                return Err(entity.error(text));
-            }
-            if self.is_of_revolution() {
-                let text = "a body of revolution has no thickness: forces are for the whole ring; leave it out";
-                return Err(entity.error(text));
-            }
+        })
+    }
+
+    /// Checks the thickness of all bodies, and those of regions.
+    fn check_thickness(&self) -> Result<(), ModelError> {
+        if let (3, Some((entity, _))) = (D, self.own_thicknesses().next()) {
+            return Err(entity.error(stated::NO_THICKNESS));
         }
-        for (entity, thickness) in whole.chain(of_regions) {
+        let whole = (Entity::all(EntityKind::Thickness), self.thickness());
+        for (entity, thickness) in std::iter::once(whole).chain(self.own_thicknesses()) {
             if !(thickness > 0.0 && thickness.is_finite()) {
                 return Err(entity.error("thickness must be positive"));
             }

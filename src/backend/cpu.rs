@@ -180,6 +180,9 @@ impl State {
     }
 }
 
+/// Bytes of a copy whose bandwidth is that of memory: beyond any cache.
+pub const COPIED: usize = 256 << 20;
+
 /// Bytes per second of a copy of this many bytes on all threads, read and written bytes added up.
 pub fn copy_bandwidth(bytes: usize) -> f64 {
     let from = vec![1.0f64; bytes / 8];

@@ -2,7 +2,7 @@
 
 use super::advice::message_of;
 use super::{PhasesArguments, SolveArguments, print, solve};
-use signorini::backend::cpu::copy_bandwidth;
+use signorini::backend::cpu::{COPIED, copy_bandwidth};
 use signorini::output::write_whole;
 use std::path::Path;
 
@@ -16,8 +16,6 @@ const PHASES: [(&str, &str); 7] = [
     ("output", "fields and files"),
     ("total", "all"),
 ];
-/// Bytes that are copied for the bandwidth: beyond any cache.
-const COPIED: usize = 1 << 28;
 /// Numbers of threads for which times are predicted.
 const PREDICTED: [usize; 2] = [16, 64];
 

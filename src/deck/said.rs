@@ -279,6 +279,28 @@ pub(super) struct CouplingCard<'a> {
     pub bound: [bool; 3],
 }
 
+impl<'a> CouplingCard<'a> {
+    /// Nodes that move rigidly with a reference.
+    pub fn rigid(
+        line: usize,
+        keyword: &'static str,
+        reference: Reference<'a>,
+        nodes: Vec<&'a str>,
+    ) -> Self {
+        Self {
+            line,
+            keyword,
+            name: None,
+            reference,
+            rotation: None,
+            surface: None,
+            nodes,
+            distributing: false,
+            bound: [true; 3],
+        }
+    }
+}
+
 /// `*CYCLIC SYMMETRY MODEL`: sectors of a tie.
 pub(super) struct SectorCard<'a> {
     pub line: usize,

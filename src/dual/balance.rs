@@ -170,9 +170,7 @@ impl Balance {
 
     /// Gᵀη as a change of forces; η as in [`Nearest::eta`].
     pub fn spread(&self, eta: &[f64]) -> Vec<f64> {
-        let mut forces = vec![0.0; self.motions.n_rows()];
-        self.motions.mul(eta, &mut forces);
-        forces
+        self.motions.product(eta)
     }
 
     /// The entries of Gᵀ in the row of a multiplier.

@@ -1,7 +1,7 @@
 //! The stiffness matrix, pattern first and row by row.
 
 use super::finite::{Deformed, TangentBlocks};
-use super::{Body, Moduli, Plane, Unknowns};
+use super::{Body, Moduli, Plane, Unknowns, in_order};
 use crate::mesh::vector::{dot, minus};
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::{BlockCsr, ROWS_PER_TASK};
@@ -397,10 +397,8 @@ where
     forces
 }
 
-/// Elements whose forces one task finds: some 100 µs of work.
+/// Elements whose forces one task finds: some 100 µs of work, and at most 100 MB of 64 tasks.
 const PIECE: usize = 64;
-/// Elements whose forces are in memory at once before they are added up: at most 100 MB.
-const AT_ONCE: usize = 64 * PIECE;
 
 /// The nodal forces of a displacement by K at rest, or by the tangent of displaced bodies, from the elements that contain one of
 /// some nodes.
@@ -430,13 +428,11 @@ where
         }
         all
     };
-    // The sums have the order of the elements, whoever has found their parts.
-    for elements in elements.chunks(AT_ONCE) {
-        let parts: Vec<_> = elements.par_chunks(PIECE).map(of_some).collect();
-        for (node, part) in parts.into_iter().flatten() {
+    in_order(&elements, PIECE, of_some, |_, parts| {
+        for (node, part) in parts {
             (0..D).for_each(|c| forces[node as usize][c] += part[c]);
         }
-    }
+    });
     forces
 }
 

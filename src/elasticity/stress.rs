@@ -1,10 +1,9 @@
 //! Stress recovery.
 
 use super::finite::{Deformed, Finite};
-use super::{Body, Plane, Temperature};
+use super::{Body, Plane, Temperature, in_order};
 use crate::mesh::shape::sum;
 use crate::mesh::{self, ElementKind, ShapeFunctions, Topology, Visit};
-use rayon::prelude::*;
 
 /// A state of stress, in Pa; in the plane σzz is perpendicular to it, round an axis the hoop stress, and σyz and σzx are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -83,10 +82,8 @@ impl Stress {
     }
 }
 
-/// Elements whose stresses one task finds: some 100 µs of work.
+/// Elements whose stresses one task finds: some 100 µs of work, and at most 20 MB of 64 tasks.
 const PIECE: usize = 256;
-/// Elements whose stresses are in memory at once before they are added up: at most 20 MB.
-const AT_ONCE: usize = 64 * PIECE;
 
 /// Stresses at the nodes and in the middle of the elements, from the displacements of all nodes.
 ///
@@ -151,10 +148,11 @@ where
         let found: Vec<(Stress, f64)> = elements.iter().map(of).collect();
         (found, of_nodes)
     };
-    // The sums at the nodes are in the order of the elements, whoever has found their parts.
-    for elements in body.mesh.elements.chunks(AT_ONCE) {
-        let parts: Vec<_> = elements.par_chunks(PIECE).map(of_some).collect();
-        for (elements, (found, of_nodes)) in elements.chunks(PIECE).zip(parts) {
+    in_order(
+        &body.mesh.elements,
+        PIECE,
+        of_some,
+        |elements, (found, of_nodes)| {
             let mut of_nodes = of_nodes.into_iter();
             for (element, (middle, size)) in elements.iter().zip(found) {
                 in_elements.push(middle);
@@ -163,8 +161,8 @@ where
                     area[node as usize] += size;
                 }
             }
-        }
-    }
+        },
+    );
     // Nodes of obstacles that move are in no element.
     let of_elements = at_nodes
         .iter_mut()

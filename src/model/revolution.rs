@@ -14,7 +14,7 @@ const AXIS: &str = "axis of revolution";
 const ON_AXIS: f64 = 1e-6;
 
 impl<const D: usize> Definition<D> {
-    pub(super) fn is_of_revolution(&self) -> bool {
+    fn is_of_revolution(&self) -> bool {
         D == 2 && self.plane() == Plane::Axisymmetric
     }
 
@@ -23,9 +23,11 @@ impl<const D: usize> Definition<D> {
         if !self.is_of_revolution() {
             return Ok(());
         }
-        if self.thickness() != 1.0 {
+        let whole = (self.thickness() != 1.0).then(|| Entity::all(EntityKind::Thickness));
+        let own = self.own_thicknesses().map(|(entity, _)| entity);
+        if let Some(entity) = whole.into_iter().chain(own).next() {
             let text = "a body of revolution has no thickness: forces are for the whole ring; leave it out";
-            return Err(Entity::all(EntityKind::Thickness).error(text));
+            return Err(entity.error(text));
         }
         if self.analysis.gravity.is_some_and(|g| g[0] != 0.0) {
             let text = "gravity of a body of revolution acts along its axis, y";

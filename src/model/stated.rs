@@ -131,11 +131,13 @@ pub(super) fn plane<'de, S: Deserializer<'de>, const D: usize>(
     only(D == 2, beyond, from)
 }
 
+/// Why a solid has none.
+pub(super) const NO_THICKNESS: &str = "thickness has no meaning for a solid: leave it out";
+
 pub(super) fn thickness<'de, S: Deserializer<'de>, const D: usize>(
     from: S,
 ) -> Result<Option<f64>, S::Error> {
-    let beyond = "thickness has no meaning for a solid: leave it out";
-    only(D == 2, beyond, from)
+    only(D == 2, NO_THICKNESS, from)
 }
 
 /// The direction of an axis, which exists only in space; `key` names it.

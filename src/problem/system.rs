@@ -154,8 +154,7 @@ impl<const D: usize> System<D> {
 
     /// M u for B, N or T, over all ranks.
     pub(crate) fn times(&self, rows: &Csr, u: &[f64]) -> Vec<f64> {
-        let mut sums = vec![0.0; rows.n_rows()];
-        rows.mul(u, &mut sums);
+        let mut sums = rows.product(u);
         self.ranks.sum(&mut sums);
         sums
     }

@@ -615,8 +615,8 @@ fn centre<const D: usize>(
 }
 
 /// Gives each place the number of the pool for its displayed pressure. A place may have little area compared with the
-/// mesh there, `whole` (without and with the thickness) if all of it were covered. It is then pooled with those nearest to it until they have enough
-/// area together.
+/// mesh there, `whole` (without and with the thickness) if all of it were covered. It is then pooled with those nearest to it
+/// until they have enough area together.
 ///
 /// With less than a quarter of the size along each direction of the boundary, pressures depend as much on where the
 /// facets of the master boundary happen to end.

@@ -18,16 +18,12 @@ impl<'a> Said<'a> {
     pub(super) fn coupling(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["CONSTRAINT NAME", "REF NODE", "SURFACE"]);
+        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
         self.couplings.push(CouplingCard {
-            line: k.line,
-            keyword: "COUPLING",
             name: k.option("CONSTRAINT NAME"),
-            reference: Reference::Node(Self::needs(k, "REF NODE")?),
-            rotation: None,
             surface: Some(Self::needs(k, "SURFACE")?),
-            nodes: Vec::new(),
-            distributing: false,
             bound: [false; 3],
+            ..CouplingCard::rigid(k.line, "COUPLING", reference, Vec::new())
         });
         Ok(())
     }
@@ -55,30 +51,20 @@ impl<'a> Said<'a> {
     pub(super) fn kinematic(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["REF NODE"]);
-        let (mut nodes, mut bounds) = (Vec::new(), Vec::new());
-        for &(line, text) in &card.data {
-            let all: Vec<&str> = entries(text).map(plain).collect();
-            let mut bound = [all.len() < 2; 3];
-            range(line, &all[1.min(all.len())..], &mut bound)?;
-            nodes.extend(all.first());
-            bounds.push(bound);
-        }
-        bounds.dedup();
+        let (nodes, bounds) = nodes_with(card, |line, rest| {
+            let mut bound = [rest.is_empty(); 3];
+            range(line, rest, &mut bound)?;
+            Ok(bound)
+        })?;
         let [bound] = bounds[..] else {
             let text = "*KINEMATIC COUPLING needs nodes, all of them with the same directions";
             self.refuse(k.line, "KINEMATIC COUPLING", text);
             return Ok(());
         };
+        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
         self.couplings.push(CouplingCard {
-            line: k.line,
-            keyword: "KINEMATIC COUPLING",
-            name: None,
-            reference: Reference::Node(Self::needs(k, "REF NODE")?),
-            rotation: None,
-            surface: None,
-            nodes,
-            distributing: false,
             bound,
+            ..CouplingCard::rigid(k.line, "KINEMATIC COUPLING", reference, nodes)
         });
         Ok(())
     }
@@ -87,32 +73,20 @@ impl<'a> Said<'a> {
     pub(super) fn spread(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["ELSET"]);
-        let (mut nodes, mut weights) = (Vec::new(), Vec::new());
-        for &(line, text) in &card.data {
-            let all: Vec<&str> = entries(text).map(plain).collect();
-            nodes.extend(all.first());
-            weights.push(match all.get(1) {
-                Some(weight) => value(line, weight)?,
-                None => 1.0,
-            });
-        }
-        weights.dedup();
+        let (nodes, weights) = nodes_with(card, |line, rest| match rest.first() {
+            Some(weight) => value(line, weight),
+            None => Ok(1.0),
+        })?;
         if !matches!(weights[..], [weight] if weight > 0.0) {
             let text =
                 "*DISTRIBUTING COUPLING needs nodes, all of them with the same weight above 0";
             self.refuse(k.line, "DISTRIBUTING COUPLING", text);
             return Ok(());
         }
+        let reference = Reference::Elements(Self::needs(k, "ELSET")?);
         self.couplings.push(CouplingCard {
-            line: k.line,
-            keyword: "DISTRIBUTING COUPLING",
-            name: None,
-            reference: Reference::Elements(Self::needs(k, "ELSET")?),
-            rotation: None,
-            surface: None,
-            nodes,
             distributing: true,
-            bound: [true; 3],
+            ..CouplingCard::rigid(k.line, "DISTRIBUTING COUPLING", reference, nodes)
         });
         Ok(())
     }
@@ -158,17 +132,10 @@ impl<'a> Said<'a> {
                     };
                     match self.couplings.iter_mut().find(same) {
                         Some(known) => known.nodes.push(own),
-                        None => self.couplings.push(CouplingCard {
-                            line,
-                            keyword: "MPC",
-                            name: None,
-                            reference,
-                            rotation: None,
-                            surface: None,
-                            nodes: vec![own],
-                            distributing: false,
-                            bound: [true; 3],
-                        }),
+                        None => {
+                            let card = CouplingCard::rigid(line, "MPC", reference, vec![own]);
+                            self.couplings.push(card);
+                        }
                     }
                 }
                 ("TIE" | "PIN" | "BEAM" | "SLIDER", _) => {
@@ -195,16 +162,10 @@ impl<'a> Said<'a> {
             self.refuse(k.line, "RIGID BODY", text);
             return Ok(());
         }
+        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
         self.couplings.push(CouplingCard {
-            line: k.line,
-            keyword: "RIGID BODY",
-            name: None,
-            reference: Reference::Node(Self::needs(k, "REF NODE")?),
             rotation: k.option("ROT NODE"),
-            surface: None,
-            nodes,
-            distributing: false,
-            bound: [true; 3],
+            ..CouplingCard::rigid(k.line, "RIGID BODY", reference, nodes)
         });
         Ok(())
     }
@@ -261,6 +222,21 @@ impl<'a> Said<'a> {
         });
         Ok(())
     }
+}
+
+/// The nodes or sets that data lines begin with, and what the rest of each line gives: once where it is the same in lines in a row.
+fn nodes_with<'a, T: PartialEq>(
+    card: &Card<'a>,
+    of_rest: impl Fn(usize, &[&'a str]) -> Result<T>,
+) -> Result<(Vec<&'a str>, Vec<T>)> {
+    let (mut nodes, mut given) = (Vec::new(), Vec::new());
+    for &(line, text) in &card.data {
+        let mut all = entries(text).map(plain);
+        nodes.extend(all.next());
+        given.push(of_rest(line, &all.collect::<Vec<&str>>())?);
+    }
+    given.dedup();
+    Ok((nodes, given))
 }
 
 /// Marks the directions of a data line that are along axes: from the first number to the second one.
