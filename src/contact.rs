@@ -4,6 +4,7 @@
 //! mortar coupling of meshes that need not match ([`mortar_contact`]). The common part of two boundaries is geometry of
 //! the plane or of space ([`Mortar`]); all else is written for any dimension ([`Space`]).
 
+mod crossing;
 mod equal;
 mod mortar;
 mod nodes;
@@ -14,8 +15,9 @@ mod search;
 mod tests;
 mod transformed;
 
+pub(crate) use crossing::crosses_itself;
 pub use equal::equal_nodes;
-pub use mortar::{Mortar, MortarContact, Unmet, mortar_contact};
+pub use mortar::{Itself, Mortar, MortarContact, Unmet, deepest, mortar_contact};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
@@ -110,6 +112,8 @@ where
     /// Between bodies that have moved, the mesh at rest. Fields are functions of places there, and edges cut the
     /// boundaries into parts as they did there. Gaps are the distances of the moved boundaries, of either sign.
     pub rest: Option<&'a Mesh<D>>,
+    /// Of a boundary that meets itself.
+    pub itself: Option<Itself<'a>>,
 }
 
 impl<const D: usize> Default for PairOptions<'_, D>
@@ -131,6 +135,7 @@ where
             search_distance: None,
             moves: false,
             rest: None,
+            itself: None,
         }
     }
 }
@@ -459,8 +464,11 @@ pub enum ContactError {
     },
     /// The boundaries are too far from each other.
     #[error(
-        "no part of it faces the master boundary within the search distance {distance:.3e}; {}",
-        if nearest > distance {
+        "no part of it faces {} within the search distance {distance:.3e}; {}",
+        if nearest.is_nan() { "another one" } else { "the master boundary" },
+        if nearest.is_nan() {
+            "set search_distance, or leave this contact out".to_owned()
+        } else if nearest > distance {
             format!("they are at least {nearest:.3e} apart: check the boundaries, or set search_distance")
         } else {
             "they come near each other, but no two of their facets face each other: check the boundaries".to_owned()
@@ -469,7 +477,7 @@ pub enum ContactError {
     Apart {
         /// The search distance.
         distance: f64,
-        /// The least distance of the boxes around their facets.
+        /// The least distance of the boxes around their facets; NaN of a boundary with itself.
         nearest: f64,
     },
     /// An invalid stiffness of contact.

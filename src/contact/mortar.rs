@@ -43,6 +43,7 @@
 
 mod flat;
 mod hull;
+mod itself;
 mod places;
 mod polygons;
 mod segments;
@@ -57,6 +58,7 @@ use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
+pub use itself::{Itself, deepest};
 use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -191,6 +193,17 @@ pub struct MasterFacet<const D: usize> {
     slack: f64,
     /// The smooth part of the boundary that it belongs to.
     part: u32,
+    /// The deepest overlap with it.
+    deepest: f64,
+    /// Whether it is not met, but is in the way of what is behind it.
+    hides: bool,
+}
+
+impl<const D: usize> MasterFacet<D> {
+    /// Whether it may be met at this distance, up to a largest one.
+    fn is_within(&self, distance: f64, largest: f64) -> bool {
+        distance <= largest && -distance <= largest.min(self.deepest)
+    }
 }
 
 /// A point where a facet of the slave boundary meets one of the master: an integration point of their intersection.
@@ -347,7 +360,8 @@ pub struct Unmet<const D: usize> {
 /// The contact of the boundary `facets` with the boundary `others` of another body (or of the same one, across a slit):
 /// see the module for the method.
 ///
-/// `facets` carry the multipliers. They are directed as in [`crate::mesh::Mesh::boundaries`].
+/// `facets` carry the multipliers. They are directed as in [`crate::mesh::Mesh::boundaries`]. With [`PairOptions::itself`] both are the
+/// same boundary, which meets itself.
 ///
 /// # Errors
 /// If the boundaries overlap, share a node, do not find each other within the search distance, or if a bound,
@@ -365,7 +379,8 @@ where
     let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
     let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
     let mut nodes = facets.iter().flat_map(nodes_of);
-    if let Some(node) = nodes.find(|node| other_nodes.contains(node)) {
+    let shared = nodes.find(|node| other_nodes.contains(node));
+    if let (Some(node), None) = (shared, options.itself) {
         let place = mesh.nodes[node as usize].into();
         return Err(ContactError::Shared { place });
     }
@@ -376,15 +391,25 @@ where
     let first = Surface::new(mesh, facets, &depths, options)?;
     let second = Surface::new(mesh, others, &depths, options)?;
     let search = Search::new(mesh, others);
+    let roles = options
+        .itself
+        .map(|itself| itself.roles(body, &first, &search, distance, options));
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
         .map(|number| {
+            if (roles.as_ref()).is_some_and(|roles| roles[number] != Some(true)) {
+                return FacetShares::default();
+            }
             let mut slave = SlaveFacet::new(body, &first, number);
             slave.moves = options.moves;
             if let Some(held) = options.held {
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
-            let near = second.near(mesh, &search, &slave, distance);
+            let mut near = second.near(mesh, &search, &slave, distance);
+            if let (Some(itself), Some(roles)) = (options.itself, &roles) {
+                itself.may_meet(facets, number, &mut near);
+                (near.iter_mut()).for_each(|other| other.hides = roles[other.number] == Some(true));
+            }
             integrate(
                 &slave,
                 facet_nodes(&facets[number]),
@@ -417,14 +442,17 @@ where
     }
     let found = Places::new(body, &first, &shares).finish(body, &first, options)?;
     if found.is_empty() {
-        let nearest = search.nearest(facets.iter().map(|facet| Bounds::around(mesh, facet)));
+        let nearest = match options.itself {
+            Some(_) => f64::NAN,
+            None => search.nearest(facets.iter().map(|facet| Bounds::around(mesh, facet))),
+        };
         return Err(ContactError::Apart { distance, nearest });
     }
     Ok(MortarContact {
         places: found,
-        unmet: match options.rest {
-            None => unmet(body, [&first, &second], &shares, distance),
-            Some(_) => None,
+        unmet: match (options.rest, options.itself) {
+            (None, None) => unmet(body, [&first, &second], &shares, distance),
+            _ => None,
         },
     })
 }
@@ -568,6 +596,18 @@ struct FacetShares<const D: usize> {
     folded: Option<[f64; D]>,
 }
 
+impl<const D: usize> Default for FacetShares<D> {
+    fn default() -> Self {
+        Self {
+            covers: Vec::new(),
+            met: Vec::new(),
+            depth: 0.0,
+            place: [0.0; D],
+            folded: None,
+        }
+    }
+}
+
 /// The part of a facet that one part of the master boundary covers, and its contribution to the integrals of its
 /// vertices.
 struct Shares<const D: usize> {
@@ -657,13 +697,7 @@ fn integrate<const D: usize>(
 where
     ElementKind: Mortar<D>,
 {
-    let mut all = FacetShares {
-        covers: Vec::new(),
-        met: Vec::new(),
-        depth: 0.0,
-        place: [0.0; D],
-        folded: None,
-    };
+    let mut all = FacetShares::default();
     let gap_at = |point: &IntegrationPoint<D>| {
         let slack = slave.slack + near[point.other].slack;
         options.gap_at(point.place, point.distance, rounding.max(slack))

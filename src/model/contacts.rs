@@ -8,8 +8,8 @@ use super::pair::{Against, Law};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
-    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Met, Obstacle, PairOptions, Space, Unmet,
-    equal_nodes, mortar_contact, node_contact, obstacle_contact,
+    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Itself, Met, Obstacle, PairOptions, Space,
+    Unmet, deepest, equal_nodes, mortar_contact, node_contact, obstacle_contact,
 };
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
@@ -39,6 +39,8 @@ where
     pub facets: Vec<Facet<D>>,
     /// Those of the master boundary; none for an obstacle.
     pub others: Vec<Facet<D>>,
+    /// Of a boundary that meets itself, how deep another part of it may be in each facet, in m; otherwise empty.
+    pub deepest: Vec<f64>,
     /// The master boundary, or the kind of obstacle.
     pub against: String,
     /// The obstacle, if the other side is not a boundary.
@@ -98,6 +100,7 @@ where
             boundary,
             facets: Vec::new(),
             others: Vec::new(),
+            deepest: Vec::new(),
             against,
             obstacle: None,
             friction,
@@ -131,6 +134,11 @@ where
     /// Whether it ties single nodes, and has no sides.
     pub fn is_of_nodes(&self) -> bool {
         !matches!(self.kind, EntityKind::Contact | EntityKind::Tie)
+    }
+
+    /// Whether its boundary meets itself.
+    pub(super) fn meets_itself(&self) -> bool {
+        !self.deepest.is_empty()
     }
 
     /// Whether two bodies meet that are not tied.
@@ -224,6 +232,10 @@ where
 /// The default distance of the sides of a tie, in facets of its first boundary: the gap between curved sides or coarse
 /// meshes of a common surface. (An arc of eight facets has a tenth of one between it and the circle.)
 pub(super) const TIE_DISTANCE: f64 = 0.25;
+
+/// The default search distance of a boundary that meets itself, in that of two boundaries: it finds contacts in all of an assembly,
+/// and few across its parts.
+const OF_ITSELF: f64 = 0.2;
 
 /// The longest way between corners of a facet.
 pub(super) fn largest_facet<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> f64
@@ -320,7 +332,9 @@ where
         // Overlapping arcs lose that overlap as polygons.
         let mut off = None;
         let of_arcs = match self.meets() {
-            Against::Boundary(names) if self.overlap.is_some() && !self.is_by_nodes() => {
+            Against::Boundary(names)
+                if self.overlap.is_some() && !self.is_by_nodes() && !self.is_with_itself() =>
+            {
                 let others = outer_facets(mesh, names.all())?;
                 let steepest = self.edge_angle.unwrap_or(EDGE_ANGLE);
                 let found = gap_of_arcs(mesh, [&facets, &others], steepest);
@@ -354,11 +368,15 @@ where
             ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
+        let mut depths = Vec::new();
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
                 others = outer_facets(body.mesh, names.all())?;
-                let mut against = names.to_string();
+                let mut against = match self.is_with_itself() {
+                    true => "itself".to_owned(),
+                    false => names.to_string(),
+                };
                 // Multipliers belong to a side that can give way.
                 let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, &sliding.held);
                 if !self.is_by_nodes() && is_held(&facets) && !is_held(&others) {
@@ -371,8 +389,18 @@ where
                         adjust => adjust,
                     });
                 }
-                let distance = options.distance_between(body, &facets, &others);
+                let distance = match (self.is_with_itself(), self.search_distance) {
+                    (true, None) => OF_ITSELF * options.distance_between(body, &facets, &others),
+                    _ => options.distance_between(body, &facets, &others),
+                };
                 options.search_distance = Some(distance);
+                if self.is_with_itself() {
+                    depths = deepest(body, &facets, distance, &options).map_err(Fault::Contact)?;
+                    options.itself = Some(Itself {
+                        deepest: &depths,
+                        before: &[],
+                    });
+                }
                 let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
                     false => mortar_contact(body, &facets, &others, &options).map(|found| {
@@ -413,6 +441,7 @@ where
         let data = PairData {
             facets,
             others,
+            deepest: depths,
             obstacle: match self.meets() {
                 Against::Obstacle(obstacle) => Some(*obstacle),
                 Against::Boundary(_) => None,
@@ -477,12 +506,14 @@ where
     }
 
     /// The contact places of two bodies that have moved, as those of `rest` have; none where they are too far from each other.
+    /// Of a boundary that meets itself, `before` has the roles of facets ([`Itself`]).
     pub(super) fn meet_moved(
         &self,
         body: &Body<D>,
         data: &PairData<D>,
         rest: &Mesh<D>,
         sliding: &Sliding<D>,
+        before: &[i32],
     ) -> Result<Vec<ContactPlace<D>>, ContactError> {
         let law = |x| self.law.at(x);
         let [normal, tangential] = (self.stiffness.both())
@@ -491,6 +522,10 @@ where
             search_distance: Some(data.search_distance),
             moves: true,
             rest: Some(rest),
+            itself: data.meets_itself().then_some(Itself {
+                deepest: &data.deepest,
+                before,
+            }),
             ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (facets, others) = (&data.facets, &data.others);
@@ -653,7 +688,7 @@ where
             }
             let failed = |error| pair.entity(number).error(Fault::Contact(error));
             let drawn = pair
-                .meet_moved(body, data, body.mesh, &found.sliding)
+                .meet_moved(body, data, body.mesh, &found.sliding, &[])
                 .map_err(failed)?;
             let here = found.pair_of.iter().zip(&found.places);
             let here = here.filter(|(of, _)| **of as usize == number);
@@ -726,7 +761,7 @@ where
         }
         for (number, data) in pairs.iter_mut().enumerate() {
             let as_drawn = (self.pairs.get(number)).is_some_and(Pair::has_gap_of_meshes);
-            if as_drawn && data.obstacle.is_none() && data.places > 0 {
+            if as_drawn && data.obstacle.is_none() && !data.meets_itself() && data.places > 0 {
                 data.arcs = between_arcs(mesh, [&data.facets, &data.others], data.gap);
             }
         }

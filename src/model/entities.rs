@@ -9,6 +9,7 @@ use super::{Quantity, Units};
 use crate::elasticity::{Hyperelastic, Incompressible, Material};
 use crate::problem::{SIZES, is_sized};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// The name of a boundary, or several that count as one.
@@ -19,6 +20,12 @@ impl Names {
     /// All of them.
     pub fn all(&self) -> &[String] {
         &self.0
+    }
+
+    /// Whether both have the same names.
+    pub(super) fn are(&self, other: &Self) -> bool {
+        let [here, there] = [self, other].map(|names| names.0.iter().collect::<BTreeSet<_>>());
+        here == there
     }
 
     /// Whether both have a name in common.

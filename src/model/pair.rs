@@ -171,7 +171,7 @@ with_a_name!(Pair);
 
 impl<const D: usize> Pair<D> {
     /// The boundary of a body, which carries the multipliers, and that of another one. Each may be several that count
-    /// as one.
+    /// as one. The same on both sides may meet itself: any part of it any other.
     pub fn new(boundary: impl Into<Names>, against: impl Into<Names>) -> Self {
         Self {
             boundary: Some(boundary.into()),
@@ -227,6 +227,11 @@ impl<const D: usize> Pair<D> {
             (None, Some(obstacle)) => Some(Against::Obstacle(obstacle)),
             _ => None,
         }
+    }
+
+    /// Whether a boundary meets itself.
+    pub(super) fn is_with_itself(&self) -> bool {
+        matches!((&self.boundary, &self.against), (Some(own), Some(other)) if own.are(other))
     }
 
     /// Whether the gap is the distance of the meshes.
@@ -491,9 +496,18 @@ impl<const D: usize> Part for Pair<D> {
             }
             () => match against {
                 Against::Boundary(names) if names.all().is_empty() => NO_BOUNDARY,
+                Against::Boundary(_) if self.is_with_itself() => match () {
+                    () if self.is_tie() => {
+                        "a boundary is on both sides of this tie: it needs two boundaries that share no node"
+                    }
+                    () if is_stated => {
+                        "where a boundary meets itself, the gap is that of the mesh: leave out gap and interference"
+                    }
+                    () => return None,
+                },
                 Against::Boundary(names) if names.meet(side) => {
-                    "a boundary is on both sides of this contact: contact of a body with itself needs two boundaries \
-                     that share no node"
+                    "a boundary is on both sides of this contact: state the same boundaries on both sides where \
+                     each may meet itself and the others, or two sides that share no node"
                 }
                 Against::Boundary(_) => return None,
                 Against::Obstacle(obstacle) => obstacle_fault(obstacle)?,

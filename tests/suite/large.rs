@@ -1,6 +1,7 @@
 //! Large displacements: what turns as a whole, figures of an independent program, closed forms, and what buckles.
 
 mod elements;
+mod itself;
 mod known;
 mod pairs;
 mod random;

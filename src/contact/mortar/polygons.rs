@@ -349,13 +349,14 @@ pub(super) fn covers(
             let Some(polygon) = within(flat, &part, least) else {
                 continue;
             };
-            if !(apart(other, middle(&polygon)).abs() <= distance) {
+            if !near[other].is_within(apart(other, middle(&polygon)), distance) {
                 continue;
             }
             add(&mut of_part, Piece { polygon, other }, least, &apart);
         }
         pieces.extend(of_part);
     }
+    pieces.retain(|piece| !near[piece.other].hides);
     // Pieces of one facet, one after the other.
     pieces.sort_by_key(|piece| piece.other);
 

@@ -270,9 +270,9 @@ fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment>
             .filter(|&&(_, a, b)| a < middle && middle < b)
             .filter(|&&(other, ..)| cut.iter().all(|&s| meets(s, &near[other]).is_some()))
             .filter_map(|&(other, ..)| Some((other, meets(middle, &near[other])?)))
-            .filter(|(_, gap)| gap.abs() <= distance)
+            .filter(|&(other, gap)| near[other].is_within(gap, distance))
             .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        if let Some((other, _)) = nearest {
+        if let Some((other, _)) = nearest.filter(|&(other, _)| !near[other].hides) {
             segments.push((other, cut[0], cut[1]));
         }
     }

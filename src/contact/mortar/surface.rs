@@ -107,6 +107,8 @@ where
                     normal: self.outward[number],
                     slack: self.slack[number],
                     part: self.part[number],
+                    deepest: distance,
+                    hides: false,
                 }
             })
             .collect()

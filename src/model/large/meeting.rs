@@ -14,15 +14,16 @@ use super::super::error::{Fault, ModelError};
 use super::super::motion::Moved;
 use super::{Deformation, Moment};
 use crate::contact::{
-    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, frame, node_contact,
+    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, crosses_itself,
+    frame, node_contact,
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Mesh};
+use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::array::from_fn;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// v after the turn that takes one unit vector to another by the shortest way.
 fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
@@ -343,6 +344,25 @@ where
         Ok(met)
     }
 
+    /// Above 0 for each facet of a boundary that meets itself where it has had multipliers, below 0 where it was met; nothing of
+    /// other contacts.
+    fn roles(data: &PairData<D>, touches: &[Touch<D>]) -> Vec<i32> {
+        let mut of_nodes: HashMap<u32, i32> = HashMap::new();
+        if !data.meets_itself() {
+            return Vec::new();
+        }
+        for touch in touches {
+            for (side, sign) in touch.place.sides(0).into_iter().zip([1, -1]) {
+                for (node, _) in side {
+                    *of_nodes.entry(*node).or_default() += sign;
+                }
+            }
+        }
+        let of_node = |node: &u32| of_nodes.get(node).map_or(0, |sum| sum.signum());
+        let of_facet = |facet: &Facet<D>| facet_nodes(facet).iter().map(of_node).sum();
+        data.facets.iter().map(of_facet).collect()
+    }
+
     /// Where a place is against an obstacle, from the points that were opposite its nodes at the end of the last load step.
     #[allow(clippy::too_many_arguments)]
     fn meet_obstacle(
@@ -424,6 +444,19 @@ where
         for (&number, stated) in acting {
             let data = &self.pairs[number as usize];
             let pair = &self.definition.pairs[number as usize];
+            if data.meets_itself() {
+                let met = of_pair(touches, number)
+                    .iter()
+                    .flat_map(|touch| touch.place.sides(0));
+                let met: BTreeSet<u32> = met.flatten().map(|entry| entry.0).collect();
+                let takes_part =
+                    |facet: &Facet<D>| facet_nodes(facet).iter().any(|node| met.contains(node));
+                let seen = |pair: [&Facet<D>; 2]| pair.into_iter().all(takes_part);
+                if crosses_itself([&self.mesh, &moved], &data.facets, seen) {
+                    return Ok(true);
+                }
+                continue;
+            }
             let options = PairOptions {
                 search_distance: Some(DEPTH[1] * stated.longest),
                 rest: Some(&self.mesh),
@@ -478,7 +511,9 @@ where
         };
         let (definition, number) = (&self.definition, pair as usize);
         let data = &self.pairs[number];
-        let found = definition.pairs[number].meet_moved(&body, data, &self.mesh, &self.sliding);
+        let roles = Self::roles(data, now);
+        let found =
+            definition.pairs[number].meet_moved(&body, data, &self.mesh, &self.sliding, &roles);
         let failed = |error| {
             definition.pairs[number]
                 .entity(number)
@@ -510,8 +545,11 @@ where
         };
         for (touch, now_at) in touches.iter_mut().zip(&of_now) {
             // A place that the other side has come to slips as the nearest one does that was opposite to it.
-            if let Some(k) = near(&earlier[1], touch, f64::INFINITY) {
-                let origin = &before[k];
+            // Where a boundary meets itself, that may be across the body.
+            let from = near(&earlier[1], touch, f64::INFINITY).map(|k| &before[k]);
+            let alike =
+                |from: &&Touch<D>| !data.meets_itself() || dot(from.normal(), touch.normal()) > 0.0;
+            if let Some(origin) = from.filter(alike) {
                 let there = Self::apart(&origin.place, &touch.place.frame, &moved.nodes);
                 let then = turned_with(origin.apart, origin.normal(), touch.normal());
                 touch.slip = minus(there, then);

@@ -1,0 +1,97 @@
+//! Whether a boundary has passed through itself.
+
+use super::search::{Beam, Search};
+use crate::mesh::vector::{cross, dot, minus};
+use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_nodes, facet_parts};
+use rayon::prelude::*;
+
+/// D times the volume, with its sign, that D + 1 points span (in the plane twice the area).
+fn volume<const D: usize>(x: &[[f64; D]]) -> f64 {
+    let [a, b] = [minus(x[1], x[0]), minus(x[2], x[0])];
+    match D {
+        2 => a[0] * b[1] - a[1] * b[0],
+        _ => {
+            let [a, b, c] = [a, b, minus(x[3], x[0])].map(|v| [v[0], v[1], v[2]]);
+            dot(cross(a, b), c)
+        }
+    }
+}
+
+/// Whether the way from p to q goes through the line or triangle between D points.
+fn passes<const D: usize>(p: [f64; D], q: [f64; D], through: &[[f64; D]]) -> bool {
+    let side = |x: [f64; D]| {
+        let all: Vec<[f64; D]> = through.iter().copied().chain([x]).collect();
+        volume(&all)
+    };
+    if side(p) * side(q) >= 0.0 {
+        return false;
+    }
+    let turns = (0..D).map(|k| {
+        let mut points = vec![p, q];
+        points.extend((1..D).map(|next| through[(k + next) % D]));
+        volume(&points)
+    });
+    let turns: Vec<f64> = turns.collect();
+    match D {
+        2 => turns[0] * turns[1] < 0.0,
+        _ => turns.iter().all(|v| *v > 0.0) || turns.iter().all(|v| *v < 0.0),
+    }
+}
+
+/// The lines or triangles that a facet consists of, between its nodes.
+fn simplices<const D: usize>(facet: &Facet<D>) -> Vec<Vec<u32>>
+where
+    ElementKind: Topology<D>,
+{
+    let parts = facet_parts(facet).into_iter();
+    let simplices = parts.flat_map(|part| match part[..] {
+        [a, b, c, d] => vec![vec![a, b, c], vec![a, c, d]],
+        _ => vec![part],
+    });
+    simplices.collect()
+}
+
+/// Whether an edge of a facet passes through another facet.
+fn pierces<const D: usize>(mesh: &Mesh<D>, one: &Facet<D>, other: &Facet<D>) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    let at = |node: &u32| mesh.nodes[*node as usize];
+    let through: Vec<Vec<[f64; D]>> = (simplices(other).iter())
+        .map(|nodes| nodes.iter().map(at).collect())
+        .collect();
+    simplices(one).iter().any(|nodes| {
+        let edges = match D {
+            2 => 1,
+            _ => nodes.len(),
+        };
+        let mut edges = (0..edges).map(|k| [nodes[k], nodes[(k + 1) % nodes.len()]]);
+        edges.any(|[p, q]| (through.iter()).any(|through| passes(at(&p), at(&q), through)))
+    })
+}
+
+/// Whether a boundary that has moved passes through itself, where it did not at rest. Pairs of facets that have no node in common
+/// count, but those that are `seen`: these hold each other back.
+pub(crate) fn crosses_itself<const D: usize>(
+    [rest, moved]: [&Mesh<D>; 2],
+    facets: &[Facet<D>],
+    seen: impl Fn([&Facet<D>; 2]) -> bool + Sync,
+) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    let search = Search::new(moved, facets);
+    let axes = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
+    facets.par_iter().any(|one| {
+        let nodes = facet_nodes(one);
+        let (places, len) = moved.places_of(one);
+        let mut near = search.near(Beam::around(axes, places[..len].iter().copied(), [0.0; D]));
+        near.any(|(_, other)| {
+            let apart = !facet_nodes(&other).iter().any(|node| nodes.contains(node));
+            apart
+                && !seen([one, &other])
+                && pierces(moved, one, &other)
+                && !pierces(rest, one, &other)
+        })
+    })
+}

@@ -1,0 +1,210 @@
+//! A boundary that meets itself, or several of which each may meet any other: the facets that carry multipliers, and
+//! those that they meet.
+//!
+//! Each facet looks for the nearest ones opposite. Of two that are opposite each other one carries the multipliers: a
+//! graph of facets is coloured with two colours. Where that is impossible, as where three parts meet in one point, the
+//! pair that is farther apart does not meet. Neighbours on a smooth surface have one colour if nothing nearer than
+//! their size is against it. From one configuration to the next facets keep their colours where these are still possible.
+
+use super::surface::Surface;
+use super::{ContactError, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
+use crate::elasticity::Body;
+use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::{
+    ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes, unsided,
+};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// What is known of a boundary that meets itself before its places are found.
+#[derive(Clone, Copy, Debug)]
+pub struct Itself<'a> {
+    /// How deep another part of it may be in each facet, in m: beyond that it is the other side of its body.
+    pub deepest: &'a [f64],
+    /// Above 0 where a facet had multipliers in the configuration before, below 0 where it was met; may be empty.
+    pub before: &'a [i32],
+}
+
+/// The role of each facet: whether it carries multipliers.
+pub(super) type Roles = Vec<Option<bool>>;
+
+/// A facet behind which the same body ends within less than twice this part of its thickness is the other side of it.
+const OF_THICKNESS: f64 = 0.5;
+
+impl Itself<'_> {
+    /// Those of the facets `near` that one of the boundary may meet: they have no node in common.
+    pub(super) fn may_meet<const D: usize>(
+        &self,
+        facets: &[Facet<D>],
+        number: usize,
+        near: &mut Vec<MasterFacet<D>>,
+    ) where
+        ElementKind: Topology<D>,
+    {
+        let own = facet_nodes(&facets[number]);
+        near.retain_mut(|other| {
+            let deepest = &mut other.deepest;
+            *deepest = deepest.min(self.deepest[number].min(self.deepest[other.number]));
+            !other.nodes().iter().any(|node| own.contains(node))
+        });
+    }
+
+    /// The roles of the facets of a boundary.
+    pub(super) fn roles<const D: usize>(
+        &self,
+        body: &Body<D>,
+        surface: &Surface<D>,
+        search: &Search<D>,
+        distance: f64,
+        options: &PairOptions<D>,
+    ) -> Roles
+    where
+        ElementKind: Mortar<D>,
+    {
+        let mesh = body.mesh;
+        let facets = surface.facets;
+        let all = 0..facets.len();
+        // Pairs that are opposite each other, with their distances.
+        let mut pairs: Vec<(f64, [usize; 2], bool)> = (all.clone().into_par_iter())
+            .flat_map_iter(|number| {
+                let slave = SlaveFacet::new(body, surface, number);
+                let mut near = surface.near(mesh, search, &slave, distance);
+                self.may_meet(facets, number, &mut near);
+                let covers = <ElementKind as Mortar<D>>::covers(&slave, &near, distance);
+                let mut least: HashMap<usize, f64> = HashMap::new();
+                let points = covers.iter().flat_map(|cover| &cover.points);
+                for point in points.filter(|point| point.distance.is_finite()) {
+                    let least = least
+                        .entry(near[point.other].number)
+                        .or_insert(f64::INFINITY);
+                    *least = least.min(point.distance.abs());
+                }
+                let pair = move |(other, distance)| {
+                    (distance, [number.min(other), number.max(other)], true)
+                };
+                least.into_iter().map(pair)
+            })
+            .collect();
+        let mut meets = vec![false; facets.len()];
+        pairs
+            .iter()
+            .for_each(|pair| pair.1.iter().for_each(|&k| meets[k] = true));
+        let mut beside: HashMap<(u32, u32), usize> = HashMap::new();
+        for number in all.clone().filter(|&number| meets[number]) {
+            let (corners, len) = mesh.corners_of(&facets[number]);
+            let size = length(minus(corners[0], corners[len - 1]));
+            for &node in facet_corners(&facets[number]) {
+                if let Some(other) = beside.insert((node, surface.part[number]), number) {
+                    pairs.push((size, [other, number], false));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // The statements "facet k carries multipliers" and, at n + k, "it does not": those that follow from each other are one group.
+        let n = facets.len() as u32;
+        let mut groups = Groups::new(2 * facets.len());
+        for (_, [a, b], opposite) in pairs {
+            let (a, b) = (a as u32, b as u32);
+            let (like, unlike) = match opposite {
+                true => (b + n, b),
+                false => (b, b + n),
+            };
+            if groups.of(a) != groups.of(unlike) {
+                groups.join(a, like);
+                groups.join((a + n) % (2 * n), unlike);
+            }
+        }
+        // In favour of each group: what was before, what can give way, the finer side, and the first facet.
+        let mut favour = vec![(0, 0, 0, 0); 2 * facets.len()];
+        for (number, facet) in facets.iter().enumerate() {
+            let before = self.before.get(number).copied().unwrap_or(0);
+            let held = options.held.is_some_and(|held| {
+                facet_nodes(facet).iter().all(|node| {
+                    let ways = held.get(node).into_iter().flatten();
+                    ways.map(|way| dot(*way, surface.outward[number]).powi(2))
+                        .sum::<f64>()
+                        > 0.5
+                })
+            });
+            let [own, met] = [0, n].map(|k| groups.of(number as u32 + k) as usize);
+            for (group, sign) in [(own, 1), (met, -1)] {
+                let sum = &mut favour[group];
+                sum.0 += sign * before;
+                sum.1 -= sign * i32::from(held);
+                sum.2 += sign;
+                if sum.3 == 0 {
+                    sum.3 = sign;
+                }
+            }
+        }
+        let role = |k: usize| {
+            let [own, met] = [0, n].map(|side| favour[groups.of(k as u32 + side) as usize]);
+            meets[k].then_some(own > met)
+        };
+        all.map(role).collect()
+    }
+}
+
+/// How deep another part of a boundary may be in each of its facets: half of the body's thickness there, if that is less than
+/// the search distance.
+///
+/// # Errors
+/// If it turns back on itself within a smooth part.
+pub fn deepest<const D: usize>(
+    body: &Body<D>,
+    facets: &[Facet<D>],
+    distance: f64,
+    options: &PairOptions<D>,
+) -> Result<Vec<f64>, ContactError>
+where
+    ElementKind: Mortar<D>,
+{
+    let mesh = body.mesh;
+    let surface = Surface::new(mesh, facets, &body.depths(), options)?;
+    let search = Search::new(mesh, facets);
+    let (_, body_of) = mesh.bodies();
+    let heights = heights(mesh, &surface);
+    let of_facet = |number: usize| {
+        let slave = SlaveFacet::new(body, &surface, number);
+        let here = body_of[facet_nodes(&facets[number])[0] as usize];
+        let near = surface.near(mesh, &search, &slave, distance);
+        let behind = near
+            .iter()
+            .filter(|other| body_of[other.nodes()[0] as usize] == here);
+        let depths = behind.flat_map(|other| {
+            let covers = <ElementKind as Mortar<D>>::covers(&slave, &[*other], distance);
+            let points = covers.into_iter().flat_map(|cover| cover.points);
+            points.map(|point| -point.distance).collect::<Vec<_>>()
+        });
+        // Nearer ones overlap.
+        let depths = depths.filter(|&depth| depth > OF_THICKNESS * heights[number]);
+        OF_THICKNESS * depths.fold(f64::INFINITY, f64::min)
+    };
+    Ok((0..facets.len()).into_par_iter().map(of_facet).collect())
+}
+
+/// How far the element behind each facet reaches.
+fn heights<const D: usize>(mesh: &Mesh<D>, surface: &Surface<D>) -> Vec<f64>
+where
+    ElementKind: Mortar<D>,
+{
+    let numbered = surface.facets.iter().enumerate();
+    let numbers: HashMap<_, _> = numbered.map(|(k, facet)| (unsided(facet), k)).collect();
+    let mut heights = vec![0.0; surface.facets.len()];
+    for element in &mesh.elements {
+        for facet in element.facets() {
+            let Some(&number) = numbers.get(&unsided(&facet)) else {
+                continue;
+            };
+            let middle = mesh.facet_middle(&facet);
+            let depth = |node: &u32| {
+                dot(
+                    surface.outward[number],
+                    minus(middle, mesh.nodes[*node as usize]),
+                )
+            };
+            heights[number] = element.nodes().iter().map(depth).fold(0.0, f64::max);
+        }
+    }
+    heights
+}
