@@ -17,7 +17,7 @@ mod transformed;
 
 pub(crate) use crossing::crosses_itself;
 pub use equal::equal_nodes;
-pub use mortar::{Itself, Mortar, MortarContact, Unmet, deepest, mortar_contact};
+pub use mortar::{Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
@@ -113,7 +113,7 @@ where
     /// boundaries into parts as they did there. Gaps are the distances of the moved boundaries, of either sign.
     pub rest: Option<&'a Mesh<D>>,
     /// Of a boundary that meets itself.
-    pub itself: Option<Itself<'a>>,
+    pub itself: Option<Itself<'a, D>>,
 }
 
 impl<const D: usize> Default for PairOptions<'_, D>

@@ -23,8 +23,12 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Iterations that a step may take: easy ones take 4 to 8, those that take more than 40 hardly ever end.
+/// Iterations that a step may take: easy ones take 4 to 8, those that take more than 40 hardly ever end, unless the violation keeps
+/// falling.
 const MOST: usize = 40;
+/// The violation keeps falling if so many iterations made it smaller than this part of itself. Slender bodies that slide over each other
+/// by much may need that: shorter steps take them as many iterations.
+const KEEPS_FALLING: (usize, f64) = (20, 0.2);
 /// Iterations after which the next step may be longer again.
 const EASY: usize = 8;
 /// How often in a row a step may be halved.
@@ -197,11 +201,11 @@ where
         let mut inner = INNER;
         let mut least = self.elastic.least_volume(&now.displacement);
         let mut anderson = Anderson::default();
-        // Of the last two iterations.
-        let (mut sets, mut violations) = ([None::<Sets<D>>, None], [f64::INFINITY; 2]);
-        for iteration in 0..=MOST {
+        // Of the last two iterations, and of all but the first.
+        let (mut sets, mut violations) = ([None::<Sets<D>>, None], Vec::new());
+        for iteration in 0.. {
             let first = iteration == 0;
-            let mut stuck = false;
+            let (mut stuck, mut falls) = (false, false);
             let made = (self.elastic).configuration(before, moments, &now, first, HELP[0]);
             let at = match made {
                 // A boundary that is folded on the way is not the fault of the model.
@@ -233,10 +237,16 @@ where
                     }));
                 }
                 inner = (INNER * off).clamp(0.1 * tolerance, INNER);
-                stuck = off > STUCK * violations[1];
-                violations = [off, violations[0]];
+                let before = |iterations: usize| {
+                    let at = violations.len().checked_sub(iterations);
+                    at.map_or(f64::INFINITY, |at| violations[at])
+                };
+                stuck = off > STUCK * before(2);
+                let (iterations, part) = KEEPS_FALLING;
+                falls = off < part * before(iterations);
+                violations.push(off);
             }
-            if iteration == MOST {
+            if iteration >= MOST && !(falls && iteration < 3 * MOST) {
                 break;
             }
             let Some((at, solution)) =

@@ -1,9 +1,10 @@
 //! Whether a boundary has passed through itself.
 
 use super::search::{Beam, Search};
-use crate::mesh::vector::{cross, dot, minus};
+use crate::mesh::vector::{cross, dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_nodes, facet_parts};
 use rayon::prelude::*;
+use std::array::from_fn;
 
 /// D times the volume, with its sign, that D + 1 points span (in the plane twice the area).
 fn volume<const D: usize>(x: &[[f64; D]]) -> f64 {
@@ -11,19 +12,26 @@ fn volume<const D: usize>(x: &[[f64; D]]) -> f64 {
     match D {
         2 => a[0] * b[1] - a[1] * b[0],
         _ => {
-            let [a, b, c] = [a, b, minus(x[3], x[0])].map(|v| [v[0], v[1], v[2]]);
+            let [a, b, c] = [a, b, minus(x[3], x[0])].map(|v| from_fn(|c| v[c]));
             dot(cross(a, b), c)
         }
     }
 }
 
-/// Whether the way from p to q goes through the line or triangle between D points.
-fn passes<const D: usize>(p: [f64; D], q: [f64; D], through: &[[f64; D]]) -> bool {
-    let side = |x: [f64; D]| {
-        let all: Vec<[f64; D]> = through.iter().copied().chain([x]).collect();
-        volume(&all)
+/// Whether the way from p to q goes through the line or triangle between D points, by more than `depth` on either side.
+fn passes<const D: usize>(p: [f64; D], q: [f64; D], through: &[[f64; D]], depth: f64) -> bool {
+    let [a, b] = [1, D - 1].map(|k| minus(through[k], through[0]));
+    let measure = match D {
+        2 => length(a),
+        _ => length(cross(from_fn(|c| a[c]), from_fn(|c| b[c]))),
     };
-    if side(p) * side(q) >= 0.0 {
+    let height = |x: [f64; D]| {
+        let all: Vec<[f64; D]> = through.iter().copied().chain([x]).collect();
+        volume(&all) / measure
+    };
+    let heights = [p, q].map(height);
+    let is_deep = heights.iter().all(|height| height.abs() > depth);
+    if !(is_deep && heights[0] * heights[1] < 0.0) {
         return false;
     }
     let turns = (0..D).map(|k| {
@@ -52,7 +60,7 @@ where
 }
 
 /// Whether an edge of a facet passes through another facet.
-fn pierces<const D: usize>(mesh: &Mesh<D>, one: &Facet<D>, other: &Facet<D>) -> bool
+fn pierces<const D: usize>(mesh: &Mesh<D>, one: &Facet<D>, other: &Facet<D>, depth: f64) -> bool
 where
     ElementKind: Topology<D>,
 {
@@ -66,22 +74,23 @@ where
             _ => nodes.len(),
         };
         let mut edges = (0..edges).map(|k| [nodes[k], nodes[(k + 1) % nodes.len()]]);
-        edges.any(|[p, q]| (through.iter()).any(|through| passes(at(&p), at(&q), through)))
+        edges.any(|[p, q]| (through.iter()).any(|through| passes(at(&p), at(&q), through, depth)))
     })
 }
 
-/// Whether a boundary that has moved passes through itself, where it did not at rest. Pairs of facets that have no node in common
-/// count, but those that are `seen`: these hold each other back.
+/// Whether a boundary that has moved passes through itself, where it did not at rest, by more than `depth`. Pairs of facets that have no
+/// node in common count, but those that are `seen`: these hold each other back.
 pub(crate) fn crosses_itself<const D: usize>(
     [rest, moved]: [&Mesh<D>; 2],
     facets: &[Facet<D>],
+    depth: f64,
     seen: impl Fn([&Facet<D>; 2]) -> bool + Sync,
 ) -> bool
 where
     ElementKind: Topology<D>,
 {
     let search = Search::new(moved, facets);
-    let axes = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
+    let axes = from_fn(|a| from_fn(|c| f64::from(u8::from(a == c))));
     facets.par_iter().any(|one| {
         let nodes = facet_nodes(one);
         let (places, len) = moved.places_of(one);
@@ -90,8 +99,8 @@ where
             let apart = !facet_nodes(&other).iter().any(|node| nodes.contains(node));
             apart
                 && !seen([one, &other])
-                && pierces(moved, one, &other)
-                && !pierces(rest, one, &other)
+                && pierces(moved, one, &other, depth)
+                && !pierces(rest, one, &other, 0.0)
         })
     })
 }

@@ -58,7 +58,7 @@ use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
-pub use itself::{Itself, deepest};
+pub use itself::{Itself, Wall, walls};
 use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -195,6 +195,8 @@ pub struct MasterFacet<const D: usize> {
     part: u32,
     /// The deepest overlap with it.
     deepest: f64,
+    /// Whether of several the one counts that a way out of the body from there comes to first; else the nearest.
+    is_first: bool,
     /// Whether it is not met, but is in the way of what is behind it.
     hides: bool,
 }
@@ -203,6 +205,15 @@ impl<const D: usize> MasterFacet<D> {
     /// Whether it may be met at this distance, up to a largest one.
     fn is_within(&self, distance: f64, largest: f64) -> bool {
         distance <= largest && -distance <= largest.min(self.deepest)
+    }
+
+    /// Of several that are at these distances the one with the least rank counts.
+    fn rank(&self, distance: f64) -> f64 {
+        if self.is_first {
+            distance
+        } else {
+            distance.abs()
+        }
     }
 }
 

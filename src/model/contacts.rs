@@ -9,7 +9,7 @@ use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Itself, Met, Obstacle, PairOptions, Space,
-    Unmet, deepest, equal_nodes, mortar_contact, node_contact, obstacle_contact,
+    Unmet, Wall, equal_nodes, mortar_contact, node_contact, obstacle_contact, walls,
 };
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
@@ -39,8 +39,8 @@ where
     pub facets: Vec<Facet<D>>,
     /// Those of the master boundary; none for an obstacle.
     pub others: Vec<Facet<D>>,
-    /// Of a boundary that meets itself, how deep another part of it may be in each facet, in m; otherwise empty.
-    pub deepest: Vec<f64>,
+    /// Of a boundary that meets itself, what is behind each facet; otherwise empty.
+    pub walls: Vec<Wall<D>>,
     /// The master boundary, or the kind of obstacle.
     pub against: String,
     /// The obstacle, if the other side is not a boundary.
@@ -100,7 +100,7 @@ where
             boundary,
             facets: Vec::new(),
             others: Vec::new(),
-            deepest: Vec::new(),
+            walls: Vec::new(),
             against,
             obstacle: None,
             friction,
@@ -138,7 +138,7 @@ where
 
     /// Whether its boundary meets itself.
     pub(super) fn meets_itself(&self) -> bool {
-        !self.deepest.is_empty()
+        !self.walls.is_empty()
     }
 
     /// Whether two bodies meet that are not tied.
@@ -368,7 +368,7 @@ where
             ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
-        let mut depths = Vec::new();
+        let mut behind = Vec::new();
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
@@ -395,9 +395,9 @@ where
                 };
                 options.search_distance = Some(distance);
                 if self.is_with_itself() {
-                    depths = deepest(body, &facets, distance, &options).map_err(Fault::Contact)?;
+                    behind = walls(body, &facets, distance, &options).map_err(Fault::Contact)?;
                     options.itself = Some(Itself {
-                        deepest: &depths,
+                        walls: &behind,
                         before: &[],
                     });
                 }
@@ -441,7 +441,7 @@ where
         let data = PairData {
             facets,
             others,
-            deepest: depths,
+            walls: behind,
             obstacle: match self.meets() {
                 Against::Obstacle(obstacle) => Some(*obstacle),
                 Against::Boundary(_) => None,
@@ -523,7 +523,7 @@ where
             moves: true,
             rest: Some(rest),
             itself: data.meets_itself().then_some(Itself {
-                deepest: &data.deepest,
+                walls: &data.walls,
                 before,
             }),
             ..self.options(&law, [&normal, &tangential], sliding)

@@ -18,22 +18,51 @@ use std::collections::HashMap;
 
 /// What is known of a boundary that meets itself before its places are found.
 #[derive(Clone, Copy, Debug)]
-pub struct Itself<'a> {
-    /// How deep another part of it may be in each facet, in m: beyond that it is the other side of its body.
-    pub deepest: &'a [f64],
+pub struct Itself<'a, const D: usize> {
+    /// What is behind each facet.
+    pub walls: &'a [Wall<D>],
     /// Above 0 where a facet had multipliers in the configuration before, below 0 where it was met; may be empty.
     pub before: &'a [i32],
+}
+
+/// The body behind a facet, at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall<const D: usize> {
+    /// The middle of the facet, and its outward unit normal.
+    middle: [f64; D],
+    normal: [f64; D],
+    /// The extent of the facet.
+    size: f64,
+    /// How thick the body is there; infinite where that is more than the search distance.
+    thickness: f64,
 }
 
 /// The role of each facet: whether it carries multipliers.
 pub(super) type Roles = Vec<Option<bool>>;
 
-/// A facet behind which the same body ends within less than twice this part of its thickness is the other side of it.
-const OF_THICKNESS: f64 = 0.5;
+/// A side that the body behind another one has come to within this part of its thickness around the point behind the latter at rest
+/// is the other side of the same wall, whatever it has been sheared by.
+const BEHIND: f64 = 0.5;
+/// What is deeper in a wall than this part of the thinner one's thickness is behind it.
+const DEEPEST: f64 = 0.9;
 
-impl Itself<'_> {
-    /// Those of the facets `near` that one of the boundary may meet: they have no node in common.
-    pub(super) fn may_meet<const D: usize>(
+impl<const D: usize> Wall<D> {
+    /// Whether the facet of another one is the other side of this wall.
+    fn ends_at(&self, other: &Self) -> bool {
+        let to = minus(self.middle, other.middle);
+        let depth = dot(to, self.normal);
+        let aside: [f64; D] = std::array::from_fn(|c| to[c] - depth * self.normal[c]);
+        let some = BEHIND * self.thickness;
+        self.thickness.is_finite()
+            && (depth - self.thickness).abs() < some
+            && length(aside) < some + self.size + other.size
+    }
+}
+
+impl<const D: usize> Itself<'_, D> {
+    /// Those of the facets `near` that one of the boundary may meet: they have no node in common, and are not the other side of
+    /// its wall.
+    pub(super) fn may_meet(
         &self,
         facets: &[Facet<D>],
         number: usize,
@@ -41,16 +70,19 @@ impl Itself<'_> {
     ) where
         ElementKind: Topology<D>,
     {
-        let own = facet_nodes(&facets[number]);
+        let (own, wall) = (facet_nodes(&facets[number]), &self.walls[number]);
         near.retain_mut(|other| {
-            let deepest = &mut other.deepest;
-            *deepest = deepest.min(self.deepest[number].min(self.deepest[other.number]));
-            !other.nodes().iter().any(|node| own.contains(node))
+            let across = &self.walls[other.number];
+            other.deepest = DEEPEST * wall.thickness.min(across.thickness);
+            other.is_first = true;
+            !wall.ends_at(across)
+                && !across.ends_at(wall)
+                && !other.nodes().iter().any(|node| own.contains(node))
         });
     }
 
     /// The roles of the facets of a boundary.
-    pub(super) fn roles<const D: usize>(
+    pub(super) fn roles(
         &self,
         body: &Body<D>,
         surface: &Surface<D>,
@@ -77,7 +109,7 @@ impl Itself<'_> {
                     let least = least
                         .entry(near[point.other].number)
                         .or_insert(f64::INFINITY);
-                    *least = least.min(point.distance.abs());
+                    *least = least.min(point.distance);
                 }
                 let pair = move |(other, distance)| {
                     (distance, [number.min(other), number.max(other)], true)
@@ -145,17 +177,16 @@ impl Itself<'_> {
     }
 }
 
-/// How deep another part of a boundary may be in each of its facets: half of the body's thickness there, if that is less than
-/// the search distance.
+/// What is behind the facets of a boundary that may meet itself within a distance, on the body at rest.
 ///
 /// # Errors
 /// If it turns back on itself within a smooth part.
-pub fn deepest<const D: usize>(
+pub fn walls<const D: usize>(
     body: &Body<D>,
     facets: &[Facet<D>],
     distance: f64,
     options: &PairOptions<D>,
-) -> Result<Vec<f64>, ContactError>
+) -> Result<Vec<Wall<D>>, ContactError>
 where
     ElementKind: Mortar<D>,
 {
@@ -176,9 +207,18 @@ where
             let points = covers.into_iter().flat_map(|cover| cover.points);
             points.map(|point| -point.distance).collect::<Vec<_>>()
         });
-        // Nearer ones overlap.
-        let depths = depths.filter(|&depth| depth > OF_THICKNESS * heights[number]);
-        OF_THICKNESS * depths.fold(f64::INFINITY, f64::min)
+        // Sides that overlap in the drawing are nearer than the element between them.
+        let depths = depths.filter(|&depth| depth > 0.5 * heights[number]);
+        let thickness = depths.fold(f64::INFINITY, f64::min);
+        let middle = mesh.facet_middle(&facets[number]);
+        let (corners, len) = mesh.corners_of(&facets[number]);
+        let to_corner = corners[..len].iter().map(|x| length(minus(*x, middle)));
+        Wall {
+            middle,
+            normal: surface.outward[number],
+            size: to_corner.fold(0.0, f64::max),
+            thickness,
+        }
     };
     Ok((0..facets.len()).into_par_iter().map(of_facet).collect())
 }

@@ -352,7 +352,8 @@ pub(super) fn covers(
             if !near[other].is_within(apart(other, middle(&polygon)), distance) {
                 continue;
             }
-            add(&mut of_part, Piece { polygon, other }, least, &apart);
+            let rank = |other: usize, p: Flat| near[other].rank(apart(other, p));
+            add(&mut of_part, Piece { polygon, other }, least, &rank);
         }
         pieces.extend(of_part);
     }
@@ -528,7 +529,7 @@ fn corners_of(own: &Seen) -> (Hull, Option<Vec<Site>>) {
 }
 
 /// Adds a piece without the parts where other pieces are nearer; those lose the parts where the new piece is nearer.
-fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, Flat) -> f64) {
+fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, rank: &impl Fn(usize, Flat) -> f64) {
     let mut fresh = vec![new.polygon];
     for old in std::mem::take(pieces) {
         let common = fresh
@@ -538,7 +539,7 @@ fn add(pieces: &mut Vec<Piece>, new: Piece, least: f64, apart: &impl Fn(usize, F
             pieces.push(old);
             continue;
         };
-        if apart(new.other, common).abs() < apart(old.other, common).abs() {
+        if rank(new.other, common) < rank(old.other, common) {
             let mut left = vec![old.polygon];
             for part in &fresh {
                 left = left

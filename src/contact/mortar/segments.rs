@@ -271,7 +271,7 @@ fn segments(edge: &Edge, near: &[MasterFacet<2>], distance: f64) -> Vec<Segment>
             .filter(|&&(other, ..)| cut.iter().all(|&s| meets(s, &near[other]).is_some()))
             .filter_map(|&(other, ..)| Some((other, meets(middle, &near[other])?)))
             .filter(|&(other, gap)| near[other].is_within(gap, distance))
-            .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            .min_by(|a, b| near[a.0].rank(a.1).total_cmp(&near[b.0].rank(b.1)));
         if let Some((other, _)) = nearest.filter(|&(other, _)| !near[other].hides) {
             segments.push((other, cut[0], cut[1]));
         }

@@ -108,6 +108,7 @@ where
                     slack: self.slack[number],
                     part: self.part[number],
                     deepest: distance,
+                    is_first: false,
                     hides: false,
                 }
             })

@@ -452,7 +452,12 @@ where
                 let takes_part =
                     |facet: &Facet<D>| facet_nodes(facet).iter().any(|node| met.contains(node));
                 let seen = |pair: [&Facet<D>; 2]| pair.into_iter().all(takes_part);
-                if crosses_itself([&self.mesh, &moved], &data.facets, seen) {
+                if crosses_itself(
+                    [&self.mesh, &moved],
+                    &data.facets,
+                    DEPTH[0] * stated.longest,
+                    seen,
+                ) {
                     return Ok(true);
                 }
                 continue;
