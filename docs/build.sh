@@ -36,6 +36,7 @@ ball-joint contact-003 ball-joint
 ironing deformed-003 ironing
 bolted-flange contact-1-005 bolted-flange
 snap-fit deformed-004 snap-fit
+hose deformed-015 hose
 bracket-3d deformed bracket-3d
 ball deformed ball
 END

@@ -221,6 +221,7 @@ class Model:
         Parameters
         ----------
         boundary, against : str or list of str
+            The same on both sides may meet itself: any part of it any other.
         obstacle : dict; optional
             Instead of `against`, such as ``{"half_plane": {"point": [0, 0], "normal": [0, 1]}}``.
         friction : dict; optional

@@ -602,11 +602,14 @@ impl<'a> Said<'a> {
         });
         for &(line, text) in &card.data {
             let all: Vec<&str> = entries(text).map(plain).collect();
-            let [slave, master, ..] = all[..] else {
-                return Err((
-                    line,
-                    "*CONTACT PAIR needs the slave and the master surface in each line".to_owned(),
-                ));
+            let (slave, master) = match all[..] {
+                [slave, master, ..] if !master.is_empty() => (slave, master),
+                // A surface that meets itself.
+                [one] | [one, ..] => (one, one),
+                [] => {
+                    let text = "*CONTACT PAIR needs the slave and the master surface in each line";
+                    return Err((line, text.to_owned()));
+                }
             };
             self.pairs.push(PairCard {
                 line,

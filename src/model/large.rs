@@ -13,6 +13,7 @@ use super::elastic::Elastic;
 use super::entities::Part;
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{StepData, TemperatureField, outer_facets};
+use super::motion::Moved;
 use super::pair::Law;
 use super::{Definition, Driven};
 use crate::contact::{ContactPlace, ContactRows, Space, contact_rows};
@@ -683,6 +684,15 @@ where
         }
         let mut elastic = self.clone();
         elastic.contact = at.contact.clone();
+        for (number, (pair, stated)) in
+            (elastic.pairs.iter_mut().zip(&self.definition.pairs)).enumerate()
+        {
+            let moved = Moved {
+                of: stated.motion.as_ref(),
+                factor: to.motions[number],
+            };
+            pair.obstacle = pair.obstacle.map(|obstacle| moved.obstacle(&obstacle));
+        }
         elastic.pair_of = at
             .contact
             .candidate

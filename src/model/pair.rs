@@ -414,8 +414,11 @@ impl<const D: usize> Pair<D> {
         Some(Flaw::of(text.0, text.1))
     }
 
-    /// Whether another contact has the same boundaries with its sides swapped.
+    /// Whether another contact has the same boundaries with its sides swapped. Laws of boundaries that meet themselves may add up.
     pub(super) fn mirrors(&self, other: &Self) -> bool {
+        if self.is_with_itself() && other.is_with_itself() {
+            return false;
+        }
         match (self.meets(), other.meets()) {
             (Against::Boundary(here), Against::Boundary(there)) => {
                 here.meet(other.side()) && there.meet(self.side())

@@ -305,6 +305,18 @@ fn errors_name_the_part_at_fault() {
             "contact 2 on \"up-left\": a boundary is on both sides",
         ),
         (
+            sound().contact(Pair::new("up-left", "up-left").gap(1e-3)),
+            "contact 2 on \"up-left\": where a boundary meets itself, the gap is that of the mesh",
+        ),
+        (
+            sound().contact(Pair::new("up-left", "up-left")),
+            "contact 2 on \"up-left\": no part of it faces another one within the search distance",
+        ),
+        (
+            sound().tie(Pair::tied("up-left", "up-left")),
+            "tie 1 on \"up-left\": a boundary is on both sides of this tie",
+        ),
+        (
             sound().contact(Pair::obstacle("up-left", floor([0.0; 2]))),
             "contact 2 on \"up-left\": half_plane needs a finite point and a normal",
         ),

@@ -86,6 +86,21 @@ fn a_deck_is_solved_and_converted() {
 }
 
 /// Elements with reduced integration are read as others, and each run reports it; those with incompatible modes are kept.
+/// A surface that meets itself: both sides in one.
+#[test]
+fn a_contact_pair_may_have_one_surface() {
+    let place = directory();
+    for sides in ["Skin", "Skin,Skin"] {
+        let deck = PRESSED
+            .replace("Sup,Slow\n", &format!("{sides}\n"))
+            .replace("*MATERIAL,", "*SURFACE,NAME=Skin\n2,S1\n1,S2\n*MATERIAL,");
+        write(&place.path().join("blocks.inp"), &deck);
+        let said = solved(place.path(), &["solve", "blocks.inp"]);
+        assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
+        assert!(said.contains("Skin / itself"), "{said}");
+    }
+}
+
 #[test]
 fn elements_read_as_others_are_reported() {
     let place = directory();

@@ -22,6 +22,7 @@ const TEMPLATES: [&str; 17] = [
     "ironing",
     "bolted-flange",
     "snap-fit",
+    "hose",
     "matrices/block",
 ];
 
