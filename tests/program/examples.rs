@@ -5,7 +5,7 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 17] = [
+const TEMPLATES: [&str; 18] = [
     "stack",
     "press",
     "cylinder",
