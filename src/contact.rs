@@ -27,7 +27,7 @@ pub use rows::{ContactRows, contact_rows};
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, bounds};
+use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, bounds, facet_nodes};
 use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
 
@@ -352,6 +352,21 @@ impl SlipBound {
 pub trait Space<const D: usize>: Topology<D> + Mortar<D> {}
 
 impl<const D: usize, T: Topology<D> + Mortar<D>> Space<D> for T {}
+
+/// Whether all nodes of a facet are held along its normal, from the unit vectors along which nodes are.
+pub(crate) fn held_across<const D: usize>(
+    facet: &Facet<D>,
+    normal: [f64; D],
+    held: &HashMap<u32, Vec<[f64; D]>>,
+) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    facet_nodes(facet).iter().all(|node| {
+        let ways = held.get(node).into_iter().flatten();
+        ways.map(|way| dot(*way, normal).powi(2)).sum::<f64>() > 0.5
+    })
+}
 
 /// Other remedies for overlaps in a drawing.
 const OVERLAPS: &str = "or state what the overlap means: overlaps up to a distance count as touching (adjust), the \

@@ -402,13 +402,12 @@ where
     let first = Surface::new(mesh, facets, &depths, options)?;
     let second = Surface::new(mesh, others, &depths, options)?;
     let search = Search::new(mesh, others);
-    let roles = options
-        .itself
-        .map(|itself| itself.roles(body, &first, &search, distance, options));
+    let carries =
+        (options.itself).map(|itself| itself.carriers(body, &first, &search, distance, options));
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
         .map(|number| {
-            if (roles.as_ref()).is_some_and(|roles| roles[number] != Some(true)) {
+            if (carries.as_ref()).is_some_and(|carries| !carries[number]) {
                 return FacetShares::default();
             }
             let mut slave = SlaveFacet::new(body, &first, number);
@@ -417,9 +416,9 @@ where
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
             let mut near = second.near(mesh, &search, &slave, distance);
-            if let (Some(itself), Some(roles)) = (options.itself, &roles) {
+            if let (Some(itself), Some(carries)) = (options.itself, &carries) {
                 itself.may_meet(facets, number, &mut near);
-                (near.iter_mut()).for_each(|other| other.hides = roles[other.number] == Some(true));
+                (near.iter_mut()).for_each(|other| other.hides = carries[other.number]);
             }
             integrate(
                 &slave,

@@ -9,10 +9,10 @@ use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Itself, Met, Obstacle, PairOptions, Space,
-    Unmet, Wall, equal_nodes, mortar_contact, node_contact, obstacle_contact, walls,
+    Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact, obstacle_contact, walls,
 };
 use crate::elasticity::{Body, Field, Unknowns};
-use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::vector::{length, minus};
 use crate::mesh::{
     ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
 };
@@ -290,20 +290,6 @@ impl Stated {
     }
 }
 
-/// Whether all nodes of facets are held along the normals of these.
-fn held_across<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>], held: &Directions<D>) -> bool
-where
-    ElementKind: Topology<D>,
-{
-    facets.iter().all(|facet| {
-        let (_, normal) = mesh.facet_normal(facet);
-        facet_nodes(facet).iter().all(|node| {
-            let ways = held.get(node).into_iter().flatten();
-            ways.map(|way| dot(*way, normal).powi(2)).sum::<f64>() > 0.5
-        })
-    })
-}
-
 /// The contact places of a pair, and its data so far.
 pub(super) type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
@@ -378,7 +364,10 @@ where
                     false => names.to_string(),
                 };
                 // Multipliers belong to a side that can give way.
-                let is_held = |facets: &[Facet<D>]| held_across(mesh, facets, &sliding.held);
+                let is_held = |facets: &[Facet<D>]| {
+                    let mut all = facets.iter();
+                    all.all(|facet| held_across(facet, mesh.facet_normal(facet).1, &sliding.held))
+                };
                 if !self.is_by_nodes() && is_held(&facets) && !is_held(&others) {
                     std::mem::swap(&mut facets, &mut others);
                     std::mem::swap(&mut boundary, &mut against);

@@ -8,6 +8,7 @@
 
 use super::surface::Surface;
 use super::{ContactError, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
+use crate::contact::held_across;
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{
@@ -36,9 +37,6 @@ pub struct Wall<const D: usize> {
     /// How thick the body is there; infinite where that is more than the search distance.
     thickness: f64,
 }
-
-/// The role of each facet: whether it carries multipliers.
-pub(super) type Roles = Vec<Option<bool>>;
 
 /// A side that the body behind another one has come to within this part of its thickness around the point behind the latter at rest
 /// is the other side of the same wall, whatever it has been sheared by.
@@ -81,15 +79,15 @@ impl<const D: usize> Itself<'_, D> {
         });
     }
 
-    /// The roles of the facets of a boundary.
-    pub(super) fn roles(
+    /// Whether each facet of a boundary carries multipliers.
+    pub(super) fn carriers(
         &self,
         body: &Body<D>,
         surface: &Surface<D>,
         search: &Search<D>,
         distance: f64,
         options: &PairOptions<D>,
-    ) -> Roles
+    ) -> Vec<bool>
     where
         ElementKind: Mortar<D>,
     {
@@ -143,21 +141,15 @@ impl<const D: usize> Itself<'_, D> {
             };
             if groups.of(a) != groups.of(unlike) {
                 groups.join(a, like);
-                groups.join((a + n) % (2 * n), unlike);
+                groups.join(a + n, unlike);
             }
         }
         // In favour of each group: what was before, what can give way, the finer side, and the first facet.
         let mut favour = vec![(0, 0, 0, 0); 2 * facets.len()];
         for (number, facet) in facets.iter().enumerate() {
             let before = self.before.get(number).copied().unwrap_or(0);
-            let held = options.held.is_some_and(|held| {
-                facet_nodes(facet).iter().all(|node| {
-                    let ways = held.get(node).into_iter().flatten();
-                    ways.map(|way| dot(*way, surface.outward[number]).powi(2))
-                        .sum::<f64>()
-                        > 0.5
-                })
-            });
+            let normal = surface.outward[number];
+            let held = (options.held).is_some_and(|held| held_across(facet, normal, held));
             let [own, met] = [0, n].map(|k| groups.of(number as u32 + k) as usize);
             for (group, sign) in [(own, 1), (met, -1)] {
                 let sum = &mut favour[group];
@@ -169,11 +161,11 @@ impl<const D: usize> Itself<'_, D> {
                 }
             }
         }
-        let role = |k: usize| {
+        let carries = |k: usize| {
             let [own, met] = [0, n].map(|side| favour[groups.of(k as u32 + side) as usize]);
-            meets[k].then_some(own > met)
+            meets[k] && own > met
         };
-        all.map(role).collect()
+        all.map(carries).collect()
     }
 }
 
