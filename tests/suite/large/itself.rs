@@ -361,7 +361,11 @@ impl Problem {
                 let s = dot(minus(x, a), along) / dot(along, along);
                 let other = normal(edge);
                 let off = minus(x, plus(a, along.map(|v| s.clamp(0.0, 1.0) * v)));
-                let near = length(off).copysign(dot(off, other));
+                let is_opposite = (0.0..=1.0).contains(&s);
+                let near = match is_opposite {
+                    true => dot(off, other),
+                    false => length(off),
+                };
                 let faces = own.iter().any(|own| dot(*own, other) < -0.1);
                 let ends = edge.map(|node| length(minus(at(node as usize), x)));
                 if ends[0].min(ends[1]) < 2.5 * longest {
@@ -373,8 +377,8 @@ impl Problem {
                 if near.abs() < nearest.abs() && near > -0.45 * self.thickness {
                     nearest = near;
                 }
-                let inside = (0.0..=1.0).contains(&s) && near > -0.45 * self.thickness;
-                if inside && near < -0.4 * longest {
+                let inside = is_opposite && near > -0.45 * self.thickness;
+                if inside && near < -0.5 * longest {
                     return Some(format!(
                         "node {node} is {near:e} deep in its other side, edges up to {longest:e}"
                     ));
@@ -398,7 +402,7 @@ impl Problem {
                     self.coulomb
                 ))
             };
-            if nearest > 1.1 * longest {
+            if nearest > 2.0 * longest {
                 return wrong(format!(
                     "is pressed without contact, at {nearest:e}, edges up to {longest:e}"
                 ));
