@@ -387,20 +387,25 @@ where
     ElementKind: Mortar<D>,
 {
     let mesh = body.mesh;
-    let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
-    let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
-    let mut nodes = facets.iter().flat_map(nodes_of);
-    let shared = nodes.find(|node| other_nodes.contains(node));
-    if let (Some(node), None) = (shared, options.itself) {
-        let place = mesh.nodes[node as usize].into();
-        return Err(ContactError::Shared { place });
+    if options.itself.is_none() {
+        let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
+        let other_nodes: HashSet<u32> = others.iter().flat_map(nodes_of).collect();
+        let mut nodes = facets.iter().flat_map(nodes_of);
+        if let Some(node) = nodes.find(|node| other_nodes.contains(node)) {
+            let place = mesh.nodes[node as usize].into();
+            return Err(ContactError::Shared { place });
+        }
     }
     // A point exactly at the distance is within it.
     let distance = options.distance_between(body, facets, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
     let depths = body.depths();
     let first = Surface::new(mesh, facets, &depths, options)?;
-    let second = Surface::new(mesh, others, &depths, options)?;
+    let opposite = match options.itself {
+        Some(_) => None,
+        None => Some(Surface::new(mesh, others, &depths, options)?),
+    };
+    let second = opposite.as_ref().unwrap_or(&first);
     let search = Search::new(mesh, others);
     let carries =
         (options.itself).map(|itself| itself.carriers(body, &first, &search, distance, options));
@@ -461,7 +466,7 @@ where
     Ok(MortarContact {
         places: found,
         unmet: match (options.rest, options.itself) {
-            (None, None) => unmet(body, [&first, &second], &shares, distance),
+            (None, None) => unmet(body, [&first, second], &shares, distance),
             _ => None,
         },
     })

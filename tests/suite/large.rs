@@ -89,6 +89,53 @@ macro_rules! solved_in {
 solved_in!(tried, 2);
 solved_in!(tried_in_space, 3);
 
+/// Solves the problems of these seeds; what is wrong, and how many load steps converged, were found unstable or not held, and ended
+/// otherwise. `broken` judges a load step that converged, by its number from 0 and the displacements at the end of the one before.
+fn campaign<P>(
+    seeds: std::ops::Range<u64>,
+    stiffness: Stiffness,
+    problem: fn(u64) -> P,
+    model: fn(&P) -> Model,
+    broken: impl Fn(&P, usize, &[[f64; 2]], &End<2>) -> Option<String>,
+) -> (Vec<String>, [usize; 3]) {
+    let (mut wrong, mut counts) = (Vec::new(), [0; 3]);
+    for seed in seeds {
+        let problem = problem(seed);
+        let ends = match tried(model(&problem), 1e-8, stiffness) {
+            Ok(ends) => ends,
+            Err(error) => {
+                wrong.push(format!("{seed}: {error}"));
+                continue;
+            }
+        };
+        let mut before = vec![[0.0; 2]; ends.first().map_or(0, |end| end.displacement.len())];
+        for (step, end) in ends.iter().enumerate() {
+            match end.status {
+                Status::Converged => counts[0] += 1,
+                Status::Unstable | Status::NotHeld => {
+                    counts[1] += 1;
+                    continue;
+                }
+                other => {
+                    counts[2] += 1;
+                    eprintln!(
+                        "{seed}: step {} ended as {other:?} after {} iterations, {} parts",
+                        step + 1,
+                        end.iterations,
+                        end.parts
+                    );
+                    continue;
+                }
+            }
+            if let Some(what) = broken(&problem, step, &before, end) {
+                wrong.push(format!("{seed}: step {}: {what}", step + 1));
+            }
+            before.clone_from(&end.displacement);
+        }
+    }
+    (wrong, counts)
+}
+
 fn solved(model: Model, tolerance: f64, stiffness: Stiffness) -> Vec<End<2>> {
     tried(model, tolerance, stiffness).unwrap_or_else(|error| panic!("{error}"))
 }

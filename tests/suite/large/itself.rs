@@ -1,7 +1,7 @@
 //! Boundaries that meet themselves.
 
 use super::elements::{Point, cross, dot, edges, length, minus, nodes, plus, resisting};
-use super::{End, neo_hooke, solved, solved_in_space, tried};
+use super::{End, campaign, neo_hooke, solved, solved_in_space};
 use crate::common::draw::{chance, generator, number, pick};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
@@ -432,40 +432,18 @@ impl Problem {
     }
 }
 
-/// What is wrong, and how many load steps converged, were found unstable or not held, and ended otherwise.
-fn campaign(seeds: std::ops::Range<u64>, stiffness: Stiffness) -> (Vec<String>, [usize; 3]) {
-    let (mut wrong, mut counts) = (Vec::new(), [0; 3]);
-    for seed in seeds {
-        let problem = problem(seed);
-        let ends = match tried(problem.model(), 1e-8, stiffness) {
-            Ok(ends) => ends,
-            Err(error) => {
-                wrong.push(format!("{seed}: {error}"));
-                continue;
-            }
-        };
-        for (step, end) in (1..).zip(&ends) {
-            counts[match end.status {
-                Status::Converged => 0,
-                Status::Unstable | Status::NotHeld => 1,
-                _ => 2,
-            }] += 1;
-            if end.status != Status::Converged {
-                continue;
-            }
-            let factor = step as f64 / problem.steps as f64;
-            if let Some(what) = problem.broken(&end.displacement, factor) {
-                wrong.push(format!("{seed}: step {step}: {what}"));
-            }
-        }
-    }
-    (wrong, counts)
-}
-
 /// Strips so slender often have no answer beyond some load step, as two boundaries that meet each other have not.
 fn check(seeds: std::ops::Range<u64>) {
     for stiffness in [Cholesky, Stiffness::Pcg] {
-        let (wrong, counts) = campaign(seeds.clone(), stiffness);
+        let (wrong, counts) = campaign(
+            seeds.clone(),
+            stiffness,
+            problem,
+            Problem::model,
+            |problem, step, _, end| {
+                problem.broken(&end.displacement, (step + 1) as f64 / problem.steps as f64)
+            },
+        );
         println!("{stiffness:?}: {counts:?} converged, unstable or not held, without an answer");
         assert!(wrong.is_empty(), "{wrong:#?}");
         let [converged, ended, without] = counts;

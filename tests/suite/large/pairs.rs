@@ -1,7 +1,7 @@
 //! Two bodies whose displacements are large: what turns as a whole, exact states, and random ones, judged from the mesh alone.
 
 use super::elements::{Point, cross, dot, edges, length, minus, nodes, plus, resisting, turned};
-use super::{neo_hooke, solved, solved_in_space, tried};
+use super::{campaign, neo_hooke, solved, solved_in_space};
 use crate::common::draw::{chance, decade, generator, number, pick};
 use signorini::contact::Obstacle;
 use signorini::elasticity::{Hyperelastic, Material};
@@ -722,51 +722,18 @@ impl Problem {
     }
 }
 
-/// Solves the problems of these seeds; what is wrong, and how many load steps converged, were found unstable or not held, and ended
-/// otherwise.
-fn campaign(seeds: std::ops::Range<u64>, stiffness: Stiffness) -> (Vec<String>, [usize; 3]) {
-    let (mut wrong, mut counts) = (Vec::new(), [0; 3]);
-    for seed in seeds {
-        let problem = problem(seed);
-        let ends = match tried(problem.model(), 1e-8, stiffness) {
-            Ok(ends) => ends,
-            Err(error) => {
-                wrong.push(format!("{seed}: {error}"));
-                continue;
-            }
-        };
-        let mut before = vec![[0.0; 2]; problem.mesh.nodes.len()];
-        for (step, end) in ends.iter().enumerate() {
-            match end.status {
-                Status::Converged => counts[0] += 1,
-                Status::Unstable | Status::NotHeld => {
-                    counts[1] += 1;
-                    continue;
-                }
-                other => {
-                    counts[2] += 1;
-                    eprintln!(
-                        "{seed}: step {} ended as {other:?} after {} iterations, {} parts",
-                        step + 1,
-                        end.iterations,
-                        end.parts
-                    );
-                    continue;
-                }
-            }
-            let u = &end.displacement;
-            if let Some(what) = problem.broken(&before, problem.factors[step], u, end.parts == 1) {
-                wrong.push(format!("{seed}: step {}: {what}", step + 1));
-            }
-            before.clone_from(u);
-        }
-    }
-    (wrong, counts)
-}
-
 fn check(seeds: std::ops::Range<u64>) {
     for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
-        let (wrong, counts) = campaign(seeds.clone(), stiffness);
+        let (wrong, counts) = campaign(
+            seeds.clone(),
+            stiffness,
+            problem,
+            Problem::model,
+            |problem, step, before, end| {
+                let in_one = end.parts == 1;
+                problem.broken(before, problem.factors[step], &end.displacement, in_one)
+            },
+        );
         println!(
             "{stiffness:?}: {counts:?} converged, unstable or not held, without an answer; wrong: {wrong:#?}"
         );
