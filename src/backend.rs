@@ -131,6 +131,9 @@ pub struct GpuOptions {
     /// The number of this process among those of its machine that take an adapter by these options: where there are
     /// several as good as the best one, they take turns.
     pub turn: usize,
+    /// A device opened with these options before; the first that asks for one takes it.
+    #[cfg(feature = "gpu")]
+    pub ahead: Option<gpu::Ahead>,
 }
 
 /// The progress of a CG run.

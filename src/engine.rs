@@ -4,7 +4,7 @@ use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::backend::cpu::copy_bandwidth;
 #[cfg(feature = "gpu")]
-use crate::backend::gpu::{Context, Gpu, GpuError, Speed};
+use crate::backend::gpu::{Ahead, Context, Gpu, GpuError, Speed};
 use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
@@ -54,6 +54,39 @@ pub struct EngineOptions {
     pub preconditioner: Preconditioner,
     /// Adapter and precision, if a GPU is used.
     pub gpu: GpuOptions,
+}
+
+#[cfg(not(feature = "gpu"))]
+impl EngineOptions {
+    /// There is no support for GPUs.
+    pub fn open_ahead(&mut self, _dimension: usize, _unknowns: usize) {}
+}
+
+#[cfg(feature = "gpu")]
+impl EngineOptions {
+    /// Begins to open a GPU in another thread, where an engine for so many unknowns in the plane or in space would open one: it takes
+    /// half a second. The first [`Engine`] with these options, or a copy, takes it.
+    pub fn open_ahead(&mut self, dimension: usize, unknowns: usize) {
+        let options = match (self.place, self.stiffness) {
+            (Device::Gpu, Stiffness::Auto | Stiffness::Pcg) => self.gpu.clone(),
+            // In the plane the factor is mostly faster.
+            (Device::Auto, Stiffness::Auto) if dimension == 2 => return,
+            (Device::Auto, Stiffness::Auto | Stiffness::Pcg) if unknowns >= WORTH_A_GPU => {
+                self.hardware()
+            }
+            _ => return,
+        };
+        self.gpu.ahead = Some(Ahead::new(options));
+    }
+
+    /// The options for a GPU that is not requested.
+    fn hardware(&self) -> GpuOptions {
+        GpuOptions {
+            // Whoever names an adapter means it.
+            hardware_only: self.gpu.adapter.is_none(),
+            ..self.gpu.clone()
+        }
+    }
 }
 
 /// No engine could be made.
@@ -652,11 +685,7 @@ fn on_best<const D: usize>(
     log: &mut dyn FnMut(&str),
 ) -> Result<Path, EngineError> {
     let named = options.gpu.adapter.is_some();
-    let hardware = GpuOptions {
-        hardware_only: !named,
-        ..options.gpu.clone()
-    };
-    let made = Context::new(&hardware)
+    let made = Context::new(&options.hardware())
         .map_err(EngineError::from)
         .and_then(|context| {
             // Whoever names an adapter means it.

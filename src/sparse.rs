@@ -9,6 +9,7 @@ pub mod stored;
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// A sparse matrix of `R × C` blocks in compressed block rows; square blocks if C is left out.
 ///
@@ -150,29 +151,44 @@ impl<const B: usize> BlockCsr<B> {
 
     /// The number of connected parts of the graph of the nonzero blocks, and the part of each block row.
     pub(crate) fn components(&self) -> (usize, Vec<u32>) {
-        let n = self.n_block_rows;
-        let mut component = vec![u32::MAX; n];
-        let mut count = 0;
-        let mut stack = Vec::new();
-        for seed in 0..n {
-            if component[seed] != u32::MAX {
-                continue;
+        // Each row points to an earlier one of its part, the first one to itself.
+        let earlier: Vec<AtomicU32> = (0..self.n_block_rows as u32).map(AtomicU32::new).collect();
+        let next = |i: u32| earlier[i as usize].load(Relaxed);
+        let first = |mut i: u32| {
+            while next(i) != i {
+                earlier[i as usize].fetch_min(next(next(i)), Relaxed);
+                i = next(i);
             }
-            component[seed] = count;
-            stack.push(seed as u32);
-            while let Some(i) = stack.pop() {
-                let (cols, blocks) = self.row(i as usize);
+            i
+        };
+        (0..self.n_block_rows)
+            .into_par_iter()
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|i| {
+                let (cols, blocks) = self.row(i);
                 for (&j, block) in cols.iter().zip(blocks) {
-                    let tied = block.iter().flatten().any(|&v| v != 0.0);
-                    if tied && component[j as usize] == u32::MAX {
-                        component[j as usize] = count;
-                        stack.push(j);
+                    let (mut a, mut b) = (first(i as u32), first(j));
+                    while a != b && block.as_flattened().iter().any(|&v| v != 0.0) {
+                        let (low, high) = (a.min(b), a.max(b));
+                        let place = &earlier[high as usize];
+                        // Another thread may have found one before it.
+                        let _ = place.compare_exchange(high, low, Relaxed, Relaxed);
+                        (a, b) = (first(low), first(high));
                     }
                 }
-            }
-            count += 1;
+            });
+        let mut count = 0;
+        let mut part = vec![0; self.n_block_rows];
+        for i in 0..part.len() {
+            part[i] = match first(i as u32) as usize {
+                first if first < i => part[first],
+                _ => {
+                    count += 1;
+                    count - 1
+                }
+            };
         }
-        (count as usize, component)
+        (count as usize, part)
     }
 
     /// The scalar diagonal of the matrix; zero where nothing is stored.
@@ -545,6 +561,26 @@ mod tests {
         m.mul_transpose_add(2.0, &[1.0, 0.0, 1.0, 0.0], &mut z);
         assert_eq!(z, [6.0, 10.0, 0.0, 0.0]);
         assert_eq!(m.diagonal(), [3.0, 0.0, 0.0, 0.0]);
+    }
+
+    /// Rows that differ by a multiple of 7 are one part, whatever thread meets them first; a block of zeros ties nothing.
+    #[test]
+    fn parts_are_numbered_by_their_first_rows() {
+        let n = 5 * ROWS_PER_TASK + 3;
+        // Far and near neighbours, in an order without pattern.
+        let tied =
+            (7..n).flat_map(|i| [(i, i % 7 + (i / 7 * 5) % (i / 7) * 7, 1.0), (i, i - 7, 1.0)]);
+        let untied = (1..n).map(|i| (i, i - 1, 0.0));
+        let both = tied
+            .chain(untied)
+            .flat_map(|(i, j, v)| [(i, j, v), (j, i, v)]);
+        let (count, part) = Csr::from_triplets(n, n, both).components();
+        assert_eq!(count, 7);
+        assert!((0..n).all(|i| part[i] as usize == i % 7));
+        assert_eq!(
+            Csr::from_triplets(3, 3, []).components(),
+            (3, vec![0, 1, 2])
+        );
     }
 
     /// Every entry is the sum of its contributions in their order, to the last bit.

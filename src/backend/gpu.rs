@@ -22,7 +22,7 @@ mod timing;
 pub use arrays::{
     DenseMatrix, LevelDiagonal, LevelMatrix, LevelVector, Matrix, Rows, State, Vector,
 };
-pub use context::{AdapterSummary, Context, GpuError, adapters};
+pub use context::{AdapterSummary, Ahead, Context, GpuError, adapters};
 pub use timing::{KernelTime, Speed};
 
 use super::{Backend, BackendError, Precision, Product, Progress, Run, cpu};

@@ -117,6 +117,9 @@ fn measure(
         let mut least = [f64::INFINITY; PHASES.len()];
         for _ in 0..arguments.repeat.max(1) {
             code = pool.install(|| solve::run(&solving))?;
+            if solve::is_interrupted() {
+                return Err("interrupted: there are no times of whole runs".to_owned());
+            }
             let path = directory.join("report.json");
             let report =
                 std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;

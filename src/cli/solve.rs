@@ -8,10 +8,10 @@ mod summary;
 use super::advice::message_of;
 use super::{NOT_CONVERGED, SolveArguments};
 use log::Log;
-use signorini::case::Case;
-use signorini::engine::Engine;
+use signorini::case::{BuildError, Case, CaseProblem};
+use signorini::engine::{Engine, EngineOptions};
 use signorini::input::is_reading;
-use signorini::mesh::ElementKind;
+use signorini::mesh::{AnyMesh, ElementKind};
 use signorini::model::{Analysis, AnyAnalysis};
 use signorini::output::{Draw, Results, prepare, withdraw};
 use signorini::solve;
@@ -88,12 +88,14 @@ pub fn run(arguments: &SolveArguments) -> Result<u8, String> {
         log.say(format_args!("{note}"));
     }
 
-    let made = case.build().map_err(|e| message_of(&e))?;
+    let mut engine = arguments.engine.options();
+    let made = build(&case, &mut engine).map_err(|e| message_of(&e))?;
     READ.store(true, Ordering::Relaxed);
     let run = Run {
         start,
         case: &case,
         arguments,
+        engine,
         output: &output,
         log,
     };
@@ -108,8 +110,27 @@ struct Run<'a> {
     start: Instant,
     case: &'a Case,
     arguments: &'a SolveArguments,
+    engine: EngineOptions,
     output: &'a Path,
     log: Log,
+}
+
+/// The problem of a case. A GPU that it needs opens meanwhile.
+fn build(case: &Case, engine: &mut EngineOptions) -> Result<CaseProblem, BuildError> {
+    if case.tables.algebraic.is_some() {
+        return case.build();
+    }
+    let mesh = case.read_mesh()?;
+    match &mesh {
+        AnyMesh::Plane(mesh) => engine.open_ahead(2, 2 * mesh.nodes.len()),
+        AnyMesh::Space(mesh) => engine.open_ahead(3, 3 * mesh.nodes.len()),
+    }
+    case.build_on_mesh(mesh)
+}
+
+/// Whether the user has asked for an end.
+pub(super) fn is_interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
 }
 
 impl Run<'_> {
@@ -178,11 +199,11 @@ impl Run<'_> {
         ElementKind: Draw<D>,
     {
         let log = self.log;
-        if INTERRUPTED.load(Ordering::Relaxed) {
+        if is_interrupted() {
             return Ok(());
         }
         let start = Instant::now();
-        let options = self.arguments.engine.options();
+        let options = self.engine.clone();
         let mut engine = Engine::new(analysis.problem, options, move |line| log.tell(line))
             .map_err(|error| self.failed(error.into()))?;
         give_back_freed();

@@ -554,36 +554,43 @@ fn pad<const D: usize>(data: ContactData<D>) -> ContactData<D> {
 
 fn symmetric<const D: usize>(k: &BlockCsr<D>) -> Result<(), ProblemError> {
     let diagonal = k.diagonal();
-    let bad = (0..k.n_block_rows())
-        .into_par_iter()
-        .with_min_len(1024)
-        .find_map_first(|i| {
-            let (cols, blocks) = k.row(i);
-            for (&j, block) in cols.iter().zip(blocks) {
-                let j = j as usize;
-                let mirror = if i == j { Some(block) } else { k.block(j, i) };
-                for a in 0..D {
-                    for b in 0..D {
-                        let value = block[a][b];
-                        let other = mirror.map_or(0.0, |block| block[b][a]);
-                        let scale = (diagonal[D * i + a].abs() * diagonal[D * j + b].abs()).sqrt();
-                        if (value - other).abs() > SYMMETRY_LIMIT * scale.max(value.abs()) {
-                            return Some(ProblemError::NotSymmetric {
-                                row: D * i + a + 1,
-                                col: D * j + b + 1,
-                                value,
-                                mirror: other,
-                                held: [(D * i + a, value), (D * j + b, other)]
-                                    .iter()
-                                    .any(|&(row, v)| v == 0.0 && holds(k, row)),
-                            });
-                        }
+    let rows = || (0..k.n_block_rows()).into_par_iter().with_min_len(1024);
+    // The number of blocks of a row, in its columns from `first` on, that have a mirror; or the first one that differs from it.
+    let mirrored = |i: usize, first: usize| {
+        let (cols, blocks) = k.row(i);
+        let mut count = 0;
+        for (&j, block) in (cols.iter().zip(blocks)).filter(|&(&j, _)| j as usize >= first) {
+            let j = j as usize;
+            let mirror = if i == j { Some(block) } else { k.block(j, i) };
+            count += usize::from(mirror.is_some());
+            for a in 0..D {
+                for b in 0..D {
+                    let value = block[a][b];
+                    let other = mirror.map_or(0.0, |block| block[b][a]);
+                    let scale = (diagonal[D * i + a] * diagonal[D * j + b]).abs();
+                    let limit = SYMMETRY_LIMIT.powi(2) * scale.max(value * value);
+                    if (value - other).powi(2) > limit {
+                        return Err(ProblemError::NotSymmetric {
+                            row: D * i + a + 1,
+                            col: D * j + b + 1,
+                            value,
+                            mirror: other,
+                            held: [(D * i + a, value), (D * j + b, other)]
+                                .iter()
+                                .any(|&(row, v)| v == 0.0 && holds(k, row)),
+                        });
                     }
                 }
             }
-            None
-        });
-    bad.map_or(Ok(()), Err)
+        }
+        Ok(count)
+    };
+    let above = rows().map(|i| mirrored(i, i));
+    match above.try_reduce(|| 0, |a, b| Ok(a + b)) {
+        // They mirror all blocks below the diagonal.
+        Ok(count) if 2 * count == k.n_blocks() + k.n_block_rows() => Ok(()),
+        _ => (rows().find_map_first(|i| mirrored(i, 0).err())).map_or(Ok(()), Err),
+    }
 }
 
 /// Whether a row has only its diagonal entry.

@@ -61,7 +61,11 @@ impl<const D: usize> System<D> {
             areas: Vec::new(),
             floating,
             parts,
-            coupled: (0..k.n_rows()).map(|i| is_coupled(k, i)).collect(),
+            coupled: (0..k.n_rows())
+                .into_par_iter()
+                .with_min_len(ROWS_PER_TASK)
+                .map(|i| is_coupled(k, i))
+                .collect(),
             compliance: Vec::new(),
             own_compliance: Vec::new(),
             contact_compliance: Vec::new(),

@@ -10,6 +10,7 @@ mod solves;
 use crate::common::or_panic::OrPanic as _;
 use signorini::backend::gpu::Context;
 use signorini::backend::{GpuOptions, Precision};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::problem::ContactProblem;
 use signorini::reference;
 use signorini::reference::{Geometry, TABLE1};
@@ -57,4 +58,33 @@ pub fn device(
 pub fn one_body(k: usize) -> ContactProblem {
     let mesh = reference::mesh(Geometry::OneBody, k);
     reference::problem(Geometry::OneBody, &mesh, &TABLE1).or_panic()
+}
+
+/// The first engine takes it; one that nobody takes, and options that need none, do no harm.
+#[test]
+fn a_device_opens_ahead_of_its_engine() {
+    let problem = one_body(1);
+    for (place, stiffness) in each(
+        [Device::Gpu, Device::Auto, Device::Cpu],
+        [Stiffness::Auto, Stiffness::Pcg],
+    ) {
+        let mut options = EngineOptions {
+            place,
+            stiffness,
+            ..Default::default()
+        };
+        options.open_ahead(2, problem.n());
+        assert_eq!(options.gpu.ahead.is_some(), place == Device::Gpu);
+        let solved = [(); 2].map(|()| {
+            let mut engine = Engine::new(&problem, options.clone(), |_| {}).or_panic();
+            problem
+                .solve_on(&mut engine, &Default::default())
+                .or_panic()
+                .u
+        });
+        assert_eq!(solved[0], solved[1]);
+    }
+    let mut options = EngineOptions::default();
+    options.open_ahead(3, 1 << 20);
+    assert!(options.gpu.ahead.is_some());
 }

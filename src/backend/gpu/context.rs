@@ -4,6 +4,7 @@ use super::kernels::{Kernels, WIDTH};
 use crate::backend::{BackendError, GpuOptions, Precision};
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, mpsc};
+use std::thread::JoinHandle;
 
 /// A GPU could not be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -207,9 +208,47 @@ pub struct Context {
     pub precision: Precision,
 }
 
+type Opened = Result<Arc<Context>, GpuError>;
+
+/// A device that opens in another thread, while the host has other work.
+#[derive(Clone, Debug)]
+pub struct Ahead(Arc<Opening>);
+
+#[derive(Debug)]
+struct Opening(Mutex<Option<JoinHandle<Opened>>>);
+
+impl Drop for Opening {
+    /// A process must not end while a driver starts.
+    fn drop(&mut self) {
+        if let Some(thread) = lock(&self.0).take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Ahead {
+    /// Begins to open what [`Context::new`] opens with these options.
+    pub fn new(options: GpuOptions) -> Self {
+        let thread = std::thread::spawn(move || Context::open(&options));
+        Self(Arc::new(Opening(Mutex::new(Some(thread)))))
+    }
+
+    /// The device, once.
+    fn take(&self) -> Option<Opened> {
+        let thread = lock(&self.0.0).take()?;
+        // A thread that has panicked opened nothing.
+        thread.join().ok()
+    }
+}
+
 impl Context {
-    /// Opens a device on the adapter that the options ask for.
+    /// Opens a device on the adapter that the options ask for, or takes the one that they have opened ahead.
     pub fn new(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
+        let ahead = options.ahead.as_ref().and_then(Ahead::take);
+        ahead.unwrap_or_else(|| Self::open(options))
+    }
+
+    fn open(options: &GpuOptions) -> Opened {
         let (adapter, mut summary, reason) = choose(options)?;
         summary.memory = [summary.memory, options.max_memory]
             .into_iter()

@@ -4,7 +4,7 @@ use super::FloatingBody;
 use crate::dense::{right_singular, symmetric_eigen};
 use crate::problem::system::is_coupled;
 use crate::rigid::{Frame, length};
-use crate::sparse::{BlockCsr, dot};
+use crate::sparse::{BlockCsr, ROWS_PER_TASK, dot};
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -101,13 +101,18 @@ pub(super) fn orthogonal<const D: usize, const M: usize>(
     mode_of: &mut [[[f64; M]; D]],
     unit: f64,
 ) -> Option<Vec<[f64; M]>> {
-    let gram = Mat::from_fn(M, M, |a, b| {
-        mode_of
-            .iter()
-            .flatten()
-            .map(|row| row[a] * row[b])
-            .sum::<f64>()
+    // The same sums for any number of threads.
+    let parts = mode_of.par_chunks(ROWS_PER_TASK).map(|part| {
+        let mut sums = [[0.0; M]; M];
+        for row in part.as_flattened() {
+            for (sums, x) in sums.iter_mut().zip(row) {
+                sums.iter_mut().zip(row).for_each(|(sum, y)| *sum += x * y);
+            }
+        }
+        sums
     });
+    let parts: Vec<[[f64; M]; M]> = parts.collect();
+    let gram = Mat::from_fn(M, M, |a, b| parts.iter().map(|sums| sums[a][b]).sum());
     let (values, vectors) = symmetric_eigen(&gram)?;
     let largest = values.iter().copied().fold(0.0, f64::max);
     let kept = (0..M).filter(|&k| values[k] > DEPENDENT * largest && values[k] > 0.0);
@@ -119,13 +124,14 @@ pub(super) fn orthogonal<const D: usize, const M: usize>(
     if D > 2 && weights.len() == M {
         weights = one_after_another(&gram, unit);
     }
-    for row in mode_of.iter_mut().flatten() {
+    let parts = mode_of.par_iter_mut().with_min_len(ROWS_PER_TASK);
+    parts.flat_map_iter(|rows| rows).for_each(|row| {
         let old = *row;
         *row = [0.0; M];
         for (new, weight) in row.iter_mut().zip(&weights) {
             *new = (0..M).map(|a| old[a] * weight[a]).sum();
         }
-    }
+    });
     Some(weights)
 }
 

@@ -83,6 +83,8 @@ impl Graph {
     /// The strongest tie of each node, 0 without any.
     pub fn strongest(&self) -> Vec<f32> {
         (0..self.len())
+            .into_par_iter()
+            .with_min_len(ROWS_PER_TASK)
             .map(|i| self.of(i).iter().map(|&(_, tie)| tie).fold(0.0, f32::max))
             .collect()
     }
@@ -190,7 +192,8 @@ pub(super) fn strength<const D: usize>(
 
 /// The root of `scale` times the stiffness of each node, copies included.
 pub(super) fn weights<const B: usize>(a: &BlockCsr<B>, scale: f64, halo: &Halo) -> Vec<f32> {
-    let own = (a.diagonal().chunks(B))
+    let own = (a.diagonal().par_chunks(B))
+        .with_min_len(ROWS_PER_TASK)
         .map(|d| (scale * d.iter().sum::<f64>()).sqrt() as f32)
         .collect();
     halo.extended(1, own)
@@ -247,7 +250,7 @@ pub(super) fn aggregate(
     let mut count = 0;
     let mut turns: Vec<u32> = (0..n as u32).collect();
     if busiest_first {
-        turns.sort_by_cached_key(|&i| Reverse(graph.of(i as usize).len()));
+        turns.par_sort_by_cached_key(|&i| Reverse(graph.of(i as usize).len()));
     }
     for i in turns.into_iter().map(|i| i as usize) {
         let neighbours = graph.of(i);
@@ -264,16 +267,19 @@ pub(super) fn aggregate(
         }
     }
     let founded = of_node.clone();
-    for i in 0..n {
-        if founded[i] == NONE {
+    let left = of_node
+        .par_iter_mut()
+        .enumerate()
+        .with_min_len(ROWS_PER_TASK);
+    left.filter(|(_, group)| **group == NONE)
+        .for_each(|(i, group)| {
             let strongest = (graph.of(i).iter())
                 .filter(|&&(j, _)| founded[j as usize] != NONE)
                 .max_by(|x, y| x.1.total_cmp(&y.1));
             if let Some(&(j, _)) = strongest {
-                of_node[i] = founded[j as usize];
+                *group = founded[j as usize];
             }
-        }
-    }
+        });
     for i in 0..n {
         if of_node[i] == NONE && !alone(i) {
             of_node[i] = count;

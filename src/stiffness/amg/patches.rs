@@ -4,7 +4,7 @@ use super::aggregation::{Graph, Groups, NONE, ROW};
 use super::coarse::SHIFT;
 use super::smoother::invert;
 use crate::ranks::Ranks;
-use crate::sparse::BlockCsr;
+use crate::sparse::{BlockCsr, ROWS_PER_TASK};
 use rayon::prelude::*;
 
 /// Nodes of a patch at most: with three, bodies of graded hexahedra took 17 and 18 iterations instead of 15 and 16.
@@ -26,6 +26,8 @@ pub(super) fn patches(ties: &Graph, strong: &Graph, ranks: &Ranks) -> Option<Gro
     let strongest = strong.strongest();
     let holds = |i: usize, tie: f32| tie >= PART_OF_STRONGEST * strongest[i];
     let uneven: Vec<bool> = (0..n)
+        .into_par_iter()
+        .with_min_len(ROWS_PER_TASK)
         .map(|i| {
             let holding = strong
                 .of(i)

@@ -4,7 +4,11 @@ use super::prolongation::Modes;
 use crate::ranks::Halo;
 use crate::sparse::{BlockCsr, ROWS_PER_TASK, split_rows, vectorised};
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+/// Parts of the rows in a transposition: each counts its blocks in all columns.
+const PARTS: usize = 16;
 /// Rows of A P that a run of coarse rows needs: enough that few rows of A P belong to two runs.
 const ROWS_PER_RUN: usize = 4096;
 
@@ -313,32 +317,48 @@ pub(super) fn transpose<const R: usize, const C: usize>(
     a: &BlockCsr<R, C>,
     rows: usize,
 ) -> BlockCsr<C, R> {
-    let entries = a.row_ptr()[rows];
-    let mut row_ptr = vec![0; a.n_block_cols() + 1];
-    for &j in &a.col_idx()[..entries] {
-        row_ptr[j as usize + 1] += 1;
-    }
-    for j in 0..a.n_block_cols() {
-        row_ptr[j + 1] += row_ptr[j];
-    }
-    let mut next = row_ptr.clone();
-    let mut cols = vec![0; entries];
-    // The block of A that each one is.
-    let mut sources = vec![0_u32; entries];
-    for i in 0..rows {
-        for k in a.row_ptr()[i]..a.row_ptr()[i + 1] {
-            let next = &mut next[a.col_idx()[k] as usize];
-            cols[*next] = i as u32;
-            sources[*next] = k as u32;
-            *next += 1;
-        }
-    }
-    let values = (sources.par_iter())
-        .with_min_len(ROWS_PER_TASK)
-        .map(|&k| {
-            let block = &a.values()[k as usize];
-            std::array::from_fn(|b| std::array::from_fn(|a| block[a][b]))
+    let (start, n) = (a.row_ptr(), a.n_block_cols());
+    let parts: Vec<Range<usize>> = (0..rows)
+        .step_by(rows.div_ceil(PARTS).max(1))
+        .map(|first| first..(first + rows.div_ceil(PARTS)).min(rows))
+        .collect();
+    // For each part of the rows the place of its next block in each column: first how many it has there.
+    let mut next: Vec<Vec<usize>> = (parts.par_iter())
+        .map(|part| {
+            let mut counts = vec![0; n];
+            let cols = &a.col_idx()[start[part.start]..start[part.end]];
+            cols.iter().for_each(|&j| counts[j as usize] += 1);
+            counts
         })
         .collect();
-    BlockCsr::from_parts(a.n_block_cols(), rows, row_ptr, cols, values)
+    let mut row_ptr = vec![0; n + 1];
+    let mut end = 0;
+    for j in 0..n {
+        for next in &mut next {
+            (end, next[j]) = (end + next[j], end);
+        }
+        row_ptr[j + 1] = end;
+    }
+    // The row and the number of each block of A. Each place is written once.
+    let places: Vec<[AtomicU32; 2]> = (0..start[rows]).map(|_| Default::default()).collect();
+    (parts.into_par_iter().zip(&mut next)).for_each(|(part, next)| {
+        for i in part {
+            for k in start[i]..start[i + 1] {
+                let next = &mut next[a.col_idx()[k] as usize];
+                let values = [i, k].map(|value| value as u32);
+                (places[*next].iter().zip(values)).for_each(|(at, value)| at.store(value, Relaxed));
+                *next += 1;
+            }
+        }
+    });
+    let blocks = places.into_par_iter().with_min_len(ROWS_PER_TASK);
+    let (cols, values) = blocks
+        .map(|place| {
+            let [row, block] = place.map(AtomicU32::into_inner);
+            let block = &a.values()[block as usize];
+            let transposed = std::array::from_fn(|b| std::array::from_fn(|a| block[a][b]));
+            (row, transposed)
+        })
+        .unzip();
+    BlockCsr::from_parts(n, rows, row_ptr, cols, values)
 }

@@ -32,6 +32,8 @@ pub(super) fn rigid_body_modes<const D: usize, const M: usize>(
     };
     let origin = frame.centre;
     (0..n)
+        .into_par_iter()
+        .with_min_len(ROWS_PER_TASK)
         .map(|i| frame.motions(coordinates.map_or(&origin, |points| &points[i])))
         .collect()
 }
