@@ -1,7 +1,8 @@
 //! Elastic foundations under boundaries: their part of K, beside the elements.
 //!
 //! A foundation resists with a force per area in proportion to the displacement, ∫ v·(k_ν ν νᵀ + k_τ (I − ν νᵀ)) u ds. Both nodes of
-//! each of its blocks are of one facet, and so of one element. The bars of nodes without a mesh are here, too.
+//! each of its blocks are of one facet, and so of one element. The bars of nodes without a mesh are here, too, and rows of ties
+//! that hold bodies.
 
 use crate::mesh::FacetPoint;
 use crate::mesh::vector::dot;
@@ -10,8 +11,8 @@ use std::collections::BTreeMap;
 /// A block of a foundation: its row and its column, both nodes, and the number of the support that the foundation is.
 pub(crate) type Place = (u32, u32, usize);
 
-/// In place of that number: a bar.
-const BAR: usize = usize::MAX;
+/// In place of that number: a bar or a row.
+const INNER: usize = usize::MAX;
 
 /// The stiffness of all foundations, in blocks of nodes.
 #[derive(Clone, Debug, Default)]
@@ -69,11 +70,21 @@ impl<const D: usize> Bedding<D> {
     /// Adds a bar between two nodes along a unit vector, or from a node to the ground where both are the same.
     pub fn add_bar(&mut self, [a, b]: [u32; 2], way: [f64; D], stiffness: f64) {
         let block = |sign: f64| way.map(|v| way.map(|w| sign * stiffness * v * w));
-        self.add((a, a, BAR), block(1.0));
+        self.add((a, a, INNER), block(1.0));
         if a != b {
-            self.add((b, b, BAR), block(1.0));
-            self.add((a, b, BAR), block(-1.0));
-            self.add((b, a, BAR), block(-1.0));
+            self.add((b, b, INNER), block(1.0));
+            self.add((a, b, INNER), block(-1.0));
+            self.add((b, a, INNER), block(-1.0));
+        }
+    }
+
+    /// Adds the stiffness of a row, s bᵀb, in which b has a vector for each of these nodes.
+    pub fn add_row(&mut self, row: &[(u32, [f64; D])], stiffness: f64) {
+        for &(a, of_a) in row {
+            for &(b, of_b) in row {
+                let block = of_a.map(|v| of_b.map(|w| stiffness * v * w));
+                self.add((a, b, INNER), block);
+            }
         }
     }
 
@@ -103,7 +114,7 @@ impl<const D: usize> Bedding<D> {
         &'b self,
         displacement: &'b [[f64; D]],
     ) -> impl Iterator<Item = (u32, usize, [f64; D])> + 'b {
-        let of_foundations = self.blocks.iter().filter(|(place, _)| place.2 != BAR);
+        let of_foundations = self.blocks.iter().filter(|(place, _)| place.2 != INNER);
         of_foundations.map(|(&(a, b, support), block)| {
             let u = displacement[b as usize];
             (a, support, block.map(|row| dot(row, u)))

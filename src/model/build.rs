@@ -103,12 +103,14 @@ where
     pub fn build(self) -> Result<Built<D>, ModelError> {
         let start = Instant::now();
         let (mut elastic, forces) = self.draft()?;
-        let problem = problem(
-            &elastic.body(),
-            &elastic.unknowns,
-            &forces,
-            &elastic.contact,
-        )?;
+        let of = |elastic: &Elastic<D>| {
+            let (unknowns, contact) = (&elastic.unknowns, &elastic.contact);
+            problem(&elastic.body(), unknowns, &forces, contact)
+        };
+        let mut problem = of(&elastic)?;
+        if elastic.is_large() && elastic.glue(&problem) {
+            problem = of(&elastic)?;
+        }
         let analysis = Analysis {
             problem: &problem,
             elastic: Some(&elastic),
@@ -240,6 +242,7 @@ where
             candidates: kept,
             sliding,
             loose: Vec::new(),
+            glued: Vec::new(),
             pairs: candidates.pairs,
             pair_of,
             units: definition.units(),

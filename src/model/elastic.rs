@@ -3,7 +3,7 @@
 #[cfg(feature = "mpi")]
 use super::Quantity;
 use super::contacts::{PairData, Sliding};
-use super::large::LooseBody;
+use super::large::{Glue, LooseBody};
 use super::supports::Prescriptions;
 use super::{Axis, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
@@ -60,6 +60,8 @@ where
     pub(super) sliding: Sliding<D>,
     /// The bodies that can move as a whole, where displacements are large.
     pub(super) loose: Vec<LooseBody>,
+    /// The ties that are a part of K there.
+    pub(super) glued: Vec<Glue>,
 }
 
 impl<const D: usize> Elastic<D>

@@ -5,6 +5,7 @@
 //! was on its obstacle at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and
 //! friction where the bodies are.
 
+mod glue;
 mod meeting;
 mod turning;
 
@@ -28,6 +29,7 @@ use crate::quasistatic::{Load, State, lawful};
 use crate::rounding::ROUNDING;
 use crate::sparse::{norm, norm_max};
 use crate::ssnm::Sets;
+pub(crate) use glue::Glue;
 use meeting::Meeting;
 pub(crate) use meeting::Touch;
 use std::array::from_fn;
@@ -445,7 +447,8 @@ where
             } else {
                 Vec::new()
             };
-            let driven = self.helped(help, mean, &met, &mut blocks);
+            let mut driven = self.helped(help, mean, &met, &mut blocks);
+            self.pull_glued(&met, &still, &mut driven);
             let mut held = tangent_forces(&deformed, &still);
             let is_loose = |node: u32| loose.get(node as usize).is_some_and(|is| *is != Loose::No);
             // A body that can move as a whole must not resist that.

@@ -67,7 +67,7 @@ pub(super) struct Prescriptions<const D: usize> {
     /// Orthonormal directions of the nodes that are not held along axes alone.
     frames: BTreeMap<u32, [[f64; D]; D]>,
     /// The part of foundations: their numbers follow those of the supports.
-    bedding: Arc<Bedding<D>>,
+    pub(super) bedding: Arc<Bedding<D>>,
 }
 
 /// The nodes of a support, with the directions and quantities that it prescribes of each.

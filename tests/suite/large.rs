@@ -6,6 +6,7 @@ mod known;
 mod pairs;
 mod random;
 mod sliding;
+mod tied;
 
 use crate::common::{built, case};
 use signorini::contact::Obstacle;
