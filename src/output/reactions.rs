@@ -343,6 +343,7 @@ where
 }
 
 /// The forces on the supports: inner forces minus all others at the nodes that they hold. Foundations follow, with their own forces.
+/// Large displacements move them; moments are about the centres at rest.
 /// Nodes from `own` on are those of other ranks.
 pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
@@ -389,7 +390,10 @@ where
     let mut carry = |node: u32, number: usize, force: [f64; D]| {
         let support: &mut SupportReport = &mut supports[number];
         add(&mut support.force, &force);
-        let arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
+        let mut arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
+        if elastic.is_large() {
+            (0..D).for_each(|c| arm[c] += displacement[node as usize][c]);
+        }
         add(&mut support.moment, &moment(elastic.plane, arm, force));
     };
     for &(node, c, number) in &elastic.held {

@@ -9,6 +9,7 @@ mod sliding;
 mod tied;
 
 use crate::common::{built, case};
+use elements::plus;
 use signorini::contact::Obstacle;
 use signorini::elasticity::{Hyperelastic, Material};
 use signorini::engine::{Engine, EngineOptions, Stiffness};
@@ -442,16 +443,26 @@ fn a_case_file_and_its_results() {
         .unwrap_or_else(|error| panic!("{error}"));
     let mut settings = StepSettings::default();
     settings.ssnm.tolerance = 1e-9;
+    // Twice the moment of a unit of pressure on the left, which its ends determine.
+    let mut turned = Vec::new();
     let made = analysis.solve_on(&mut engine, &settings, |event| {
         if let Event::Ends(step) = event {
+            let data = step.data.expect("of a model");
+            let moved = data.unknowns.displacements(&step.solution.u);
+            let square = |node: usize| {
+                let x = plus(built.elastic.mesh.nodes[node], moved[node]);
+                x[0] * x[0] + x[1] * x[1]
+            };
+            turned.push(square(0) - square(8 * 17));
             results.add(&step).unwrap_or_else(|error| panic!("{error}"));
         }
         ControlFlow::Continue(())
     });
     made.unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(built.elastic.mesh.nodes[8 * 17], [0.0, 1.0]);
     results.finish().unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(results.report.status, Some(Status::Converged));
-    for step in &results.report.steps {
+    for (step, turned) in results.report.steps.iter().zip(turned) {
         assert!(
             step.iterations.is_some_and(|count| count <= 20),
             "{:?}",
@@ -462,6 +473,15 @@ fn a_case_file_and_its_results() {
             let rest = step.contacts[0].force[c] + step.supports[0].force[c] + load[c];
             assert!(rest.abs() < 1e-8, "{rest}");
         }
+        // About the origin, of the body where it is.
+        let about =
+            |[x, y]: [f64; 2], force: &[f64], moment: f64| moment + x * force[1] - y * force[0];
+        let (contact, support) = (&step.contacts[0], &step.supports[0]);
+        let at = |centre: &[f64]| [centre[0], centre[1]];
+        let rest = about(at(&contact.centre), &contact.force, contact.moment[0])
+            + about(at(&support.centre), &support.force, support.moment[0])
+            + 0.005 * step.factor * turned;
+        assert!(rest.abs() < 1e-8, "{rest}");
         assert!(step.contacts[0].normal_force > 0.01);
     }
     let table = directory.path().join("contact-002.csv");
