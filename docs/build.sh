@@ -37,6 +37,7 @@ ironing deformed-003 ironing
 bolted-flange contact-1-005 bolted-flange
 snap-fit deformed-004 snap-fit
 hose deformed-015 hose
+gears deformed-016 gears
 bracket-3d deformed bracket-3d
 ball deformed ball
 END

@@ -5,7 +5,7 @@ use crate::or_panic::OrPanic as _;
 use crate::run::{command, report};
 use std::path::{Path, PathBuf};
 
-const TEMPLATES: [&str; 18] = [
+const TEMPLATES: [&str; 19] = [
     "stack",
     "press",
     "cylinder",
@@ -23,6 +23,7 @@ const TEMPLATES: [&str; 18] = [
     "bolted-flange",
     "snap-fit",
     "hose",
+    "gears",
     "matrices/block",
 ];
 
@@ -110,6 +111,39 @@ fn templates_on_an_adapter_in_f32() {
         ],
         &["--backend", "gpu", "--precision", "f32"],
     );
+}
+
+/// The torques of the gears balance but for friction, and are those of a mesh of half the size at the flanks (from the same .geo).
+#[test]
+fn gears_turn_smoothly() {
+    let finer = [
+        23.77, 24.38, 24.76, 25.02, 24.88, 24.82, 24.43, 24.52, 24.37, 23.99, 24.20, 24.84, 24.92,
+        28.74, 32.94, 33.95, 32.63, 27.91, 25.31, 24.69, 24.20,
+    ];
+    let directory = tempfile::tempdir().or_panic();
+    let report = solve("gears", &[], directory.path());
+    let steps = report["steps"].as_array().expect("steps");
+    assert_eq!(steps.len(), finer.len());
+    for (step, finer) in steps.iter().zip(finer) {
+        let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+        let torque = |of: usize, axis: f64| {
+            let support = &step["supports"][of];
+            let vector = |name: &str| [0, 1].map(|c| number(&support[name][c]));
+            let ([x, y], [fx, fy]) = (vector("centre"), vector("force"));
+            number(&support["moment"][0]) + (x - axis) * fy - y * fx
+        };
+        let [driver, driven] = [torque(0, 0.0), torque(1, 0.04)];
+        assert!((driver / finer - 1.0).abs() < 0.04, "{driver} {finer}");
+        assert!(
+            (-0.02..0.05).contains(&(1.0 - driven / driver)),
+            "{driver} {driven}"
+        );
+        let iterations = number(&step["iterations"]);
+        assert!(
+            iterations <= 8.0 && number(&step["parts"]) == 1.0,
+            "{iterations}"
+        );
+    }
 }
 
 /// The list above is complete, and the gallery shows all of them.
