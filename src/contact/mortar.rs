@@ -55,13 +55,15 @@ use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, 
 use crate::dense;
 use crate::elasticity::{Body, Depth, Plane};
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Topology, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Topology, bounds, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
+use itself::Behind;
 pub use itself::{Itself, Wall, walls};
 use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
+use std::sync::OnceLock;
 use surface::Surface;
 
 pub use super::search::Beam;
@@ -407,6 +409,15 @@ where
     };
     let second = opposite.as_ref().unwrap_or(&first);
     let search = Search::new(mesh, others);
+    // All of the outside, for the rare facets that need it.
+    let (outside, skin, walls) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+    let behind = || -> Option<&Behind<D>> {
+        let nodes = || (0..mesh.nodes.len() as u32).collect::<Vec<_>>();
+        let outside = outside.get_or_init(|| mesh.outer_facets_at(&nodes(), true));
+        let skin = skin.get_or_init(|| Surface::new(mesh, outside, &depths, options).ok());
+        let made = walls.get_or_init(|| skin.as_ref().map(|skin| Behind::new(body, skin)));
+        made.as_ref()
+    };
     let carries =
         (options.itself).map(|itself| itself.carriers(body, &first, &search, distance, options));
     let shares: Vec<FacetShares<D>> = (0..facets.len())
@@ -425,14 +436,18 @@ where
                 itself.may_meet(facets, number, &mut near);
                 (near.iter_mut()).for_each(|other| other.hides = carries[other.number]);
             }
-            integrate(
-                &slave,
-                facet_nodes(&facets[number]),
-                &near,
-                distance,
-                rounding,
-                options,
-            )
+            let nodes = facet_nodes(&facets[number]);
+            let made = integrate(&slave, nodes, &near, distance, rounding, options);
+            let (low, high) = bounds(nodes.iter().map(|&node| mesh.nodes[node as usize]));
+            if options.itself.is_some() || made.deepest <= length(minus(high, low)) {
+                return made;
+            }
+            // The sides overlap by more than a facet, or nothing is opposite: what is beyond a wall is something else.
+            match behind() {
+                Some(behind) => behind.limit([&first, second], number, &mut near, distance),
+                None => return made,
+            }
+            integrate(&slave, nodes, &near, distance, rounding, options)
         })
         .collect();
     if let Some(worst) = shares
@@ -604,7 +619,9 @@ struct FacetShares<const D: usize> {
     covers: Vec<Shares<D>>,
     /// The area of each facet of the master boundary that it meets.
     met: Vec<(usize, f64)>,
-    /// The deepest overlap and where.
+    /// The deepest overlap of all points.
+    deepest: f64,
+    /// The deepest overlap that is refused, and where.
     depth: f64,
     place: [f64; D],
     /// A place where a curved facet cannot be seen from the other one.
@@ -616,6 +633,7 @@ impl<const D: usize> Default for FacetShares<D> {
         Self {
             covers: Vec::new(),
             met: Vec::new(),
+            deepest: 0.0,
             depth: 0.0,
             place: [0.0; D],
             folded: None,
@@ -718,6 +736,8 @@ where
         options.gap_at(point.place, point.distance, rounding.max(slack))
     };
     for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
+        let depths = cover.points.iter().map(|point| -point.distance);
+        all.deepest = depths.fold(all.deepest, f64::max);
         let n = cover.vertices.len();
         let functions = |number: usize| &cover.functions[n * number..][..n];
         // Mass matrix and ∫ β over the covered part; ψ = C β with C = diag(∫ β) mass⁻¹.

@@ -184,24 +184,10 @@ where
 {
     let mesh = body.mesh;
     let surface = Surface::new(mesh, facets, &body.depths(), options)?;
-    let search = Search::new(mesh, facets);
-    let (_, body_of) = mesh.bodies();
+    let behind = Behind::new(body, &surface);
+    // Sides that overlap in the drawing are nearer than the element between them.
     let heights = heights(mesh, &surface);
     let of_facet = |number: usize| {
-        let slave = SlaveFacet::new(body, &surface, number);
-        let here = body_of[facet_nodes(&facets[number])[0] as usize];
-        let near = surface.near(mesh, &search, &slave, distance);
-        let behind = near
-            .iter()
-            .filter(|other| body_of[other.nodes()[0] as usize] == here);
-        let depths = behind.flat_map(|other| {
-            let covers = <ElementKind as Mortar<D>>::covers(&slave, &[*other], distance);
-            let points = covers.into_iter().flat_map(|cover| cover.points);
-            points.map(|point| -point.distance).collect::<Vec<_>>()
-        });
-        // Sides that overlap in the drawing are nearer than the element between them.
-        let depths = depths.filter(|&depth| depth > 0.5 * heights[number]);
-        let thickness = depths.fold(f64::INFINITY, f64::min);
         let middle = mesh.facet_middle(&facets[number]);
         let (corners, len) = mesh.corners_of(&facets[number]);
         let to_corner = corners[..len].iter().map(|x| length(minus(*x, middle)));
@@ -209,10 +195,82 @@ where
             middle,
             normal: surface.outward[number],
             size: to_corner.fold(0.0, f64::max),
-            thickness,
+            thickness: behind.thickness(&surface, number, 0.5 * heights[number], distance),
         }
     };
     Ok((0..facets.len()).into_par_iter().map(of_facet).collect())
+}
+
+/// A boundary that limits bodies, for what is behind their facets.
+pub(super) struct Behind<'s, const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    body: &'s Body<'s, D>,
+    surface: &'s Surface<'s, D>,
+    search: Search<D>,
+    body_of: Vec<u32>,
+}
+
+impl<'s, const D: usize> Behind<'s, D>
+where
+    ElementKind: Mortar<D>,
+{
+    pub fn new(body: &'s Body<'s, D>, surface: &'s Surface<'s, D>) -> Self {
+        Self {
+            search: Search::new(body.mesh, surface.facets),
+            body_of: body.mesh.bodies().1,
+            body,
+            surface,
+        }
+    }
+
+    /// How thick the body is behind a facet of a surface, if that is more than `least`; infinite where it is more than a distance.
+    fn thickness(&self, of: &Surface<D>, number: usize, least: f64, distance: f64) -> f64 {
+        let slave = SlaveFacet::new(self.body, of, number);
+        let body_of = |nodes: &[u32]| self.body_of[nodes[0] as usize];
+        let here = body_of(facet_nodes(&of.facets[number]));
+        let near = (self.surface).near(self.body.mesh, &self.search, &slave, distance);
+        let behind = near.iter().filter(|other| body_of(other.nodes()) == here);
+        let depths = behind.flat_map(|other| {
+            let covers = <ElementKind as Mortar<D>>::covers(&slave, &[*other], distance);
+            let points = covers.into_iter().flat_map(|cover| cover.points);
+            points.map(|point| -point.distance).collect::<Vec<_>>()
+        });
+        let depths = depths.filter(|&depth| depth > least);
+        depths.fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far an overlap with a facet of a surface may reach: to the wall behind it or, of a round one, to where its normals meet.
+    fn deepest(&self, of: &Surface<D>, number: usize, distance: f64) -> f64 {
+        let facet = SlaveFacet::new(self.body, of, number);
+        let (places, normals) = (facet.places(), &facet.normals);
+        let mut roundest = 0.0_f64;
+        for (a, x) in places.iter().enumerate() {
+            for (b, y) in places[..a].iter().enumerate() {
+                let to = minus(*x, *y);
+                let bend = dot(minus(normals[a], normals[b]), to) / dot(to, to);
+                roundest = roundest.max(bend);
+            }
+        }
+        let thickness = self.thickness(of, number, 0.0, distance);
+        thickness.min(roundest.recip())
+    }
+
+    /// Limits overlaps of a facet of the first surface with some of the second to what is possible on both sides.
+    pub fn limit(
+        &self,
+        [first, second]: [&Surface<D>; 2],
+        number: usize,
+        near: &mut [MasterFacet<D>],
+        distance: f64,
+    ) {
+        let own = self.deepest(first, number, distance);
+        for other in near {
+            let most = own.min(self.deepest(second, other.number, distance));
+            other.deepest = other.deepest.min(DEEPEST * most);
+        }
+    }
 }
 
 /// How far the element behind each facet reaches.

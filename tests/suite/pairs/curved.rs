@@ -3,8 +3,8 @@
 
 use crate::common::models::answer;
 use crate::common::order::{Order, of_order};
-use crate::common::solve_case;
 use crate::common::space::Vector;
+use crate::common::{built, case, solve_case};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{SolidShape, block, join};
@@ -135,4 +135,34 @@ fn rings_pressed_into_each_other() {
             );
         }
     }
+}
+
+/// Teeth of two gears between each other: what a flank sees of the other gear through its own tooth, and through the next, is no
+/// overlap, however far is searched.
+#[test]
+fn what_is_beyond_a_tooth_is_no_overlap() {
+    let case = case(
+        r#"
+        [mesh]
+        file = "../examples/gears.msh"
+        scale = 1e-3
+        [[material]]
+        young = 1
+        poisson = 0.3
+        [[support]]
+        boundary = ["driver-hub", "driven-hub"]
+        x = 0
+        y = 0
+        [[contact]]
+        boundary = "driver-teeth"
+        against = "driven-teeth"
+        "#,
+    );
+    let gaps = built(&case).elastic.contact.places;
+    let least = gaps
+        .iter()
+        .map(|place| place.gap)
+        .fold(f64::INFINITY, f64::min);
+    // Half the backlash, along the normal.
+    assert!((least / 37.6e-6 - 1.0).abs() < 0.05, "{least}");
 }
