@@ -131,7 +131,7 @@ pub struct GpuOptions {
     /// The number of this process among those of its machine that take an adapter by these options: where there are
     /// several as good as the best one, they take turns.
     pub turn: usize,
-    /// A device opened with these options before; the first that asks for one takes it.
+    /// A device that opens already ([`EngineOptions::open_ahead`](crate::engine::EngineOptions::open_ahead)); the first that asks takes it.
     #[cfg(feature = "gpu")]
     pub ahead: Option<gpu::Ahead>,
 }

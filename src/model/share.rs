@@ -896,6 +896,7 @@ where
             candidates: Vec::new(),
             sliding: Sliding::default(),
             loose: Vec::new(),
+            glued: Vec::new(),
             // Rank 0 keeps the others and puts them here.
             pairs: common.kinds.iter().map(PairData::known).collect(),
             pair_of: common.pair_of.clone(),
