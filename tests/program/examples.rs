@@ -113,7 +113,8 @@ fn templates_on_an_adapter_in_f32() {
     );
 }
 
-/// The torques of the gears balance but for friction, and are those of a mesh of half the size at the flanks (from the same .geo).
+/// The torques of both gears differ only by what friction takes. They are those of a mesh of half the size at the flanks, from the same
+/// `.geo`.
 #[test]
 fn gears_turn_smoothly() {
     let finer = [

@@ -43,17 +43,17 @@ where
             .collect();
         // The ties of loose bodies: these bodies, and whether a held one is tied to them.
         let mut ties = Vec::new();
-        for (pair, data) in self.pairs.iter().enumerate() {
-            let own = &self.candidates[self.candidates.partition_point(|of| of.1 < pair as u32)..];
-            let own = own.iter().take_while(|of| of.1 == pair as u32).enumerate();
-            for (number, (place, _)) in own.filter(|_| data.kind == EntityKind::Tie) {
+        let of_pairs = self.candidates.chunk_by(|a, b| a.1 == b.1);
+        let is_tie = |of: &&[(_, u32)]| self.pairs[of[0].1 as usize].kind == EntityKind::Tie;
+        for places in of_pairs.filter(is_tie) {
+            for (number, (place, pair)) in places.iter().enumerate() {
                 let nodes = rows(place).flatten().map(|(node, _)| node);
                 let mut bodies: Vec<Option<usize>> =
                     nodes.map(|node| body_of.get(&node).copied()).collect();
                 bodies.sort_unstable();
                 bodies.dedup();
                 if bodies.len() > 1 {
-                    ties.push((pair as u32, number, place, bodies));
+                    ties.push((*pair, number, place, bodies));
                 }
             }
         }
@@ -69,6 +69,9 @@ where
                     }
                 }
             }
+        }
+        if ties.is_empty() {
+            return false;
         }
         let diagonal = problem.stiffness().diagonal();
         let bedding = Arc::make_mut(&mut self.prescriptions.bedding);

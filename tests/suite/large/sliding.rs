@@ -274,7 +274,7 @@ fn shallow_ironing_gives_published_forces() {
         (0.31..0.34).contains(&(dragged / halfway)),
         "{dragged} {halfway}"
     );
-    // No jumps as it slides over facets: the force grows ever less, and then falls ever more, but for a hundredth.
+    // No jumps as the tool slides over facets: the force grows more and more slowly, then falls faster and faster, within a hundredth.
     for forces in all[7..].windows(3) {
         let bends = forces[0][1] - 2.0 * forces[1][1] + forces[2][1];
         assert!(bends < 0.01 * forces[1][1], "{forces:?}");
