@@ -17,7 +17,7 @@ mod transformed;
 
 pub(crate) use crossing::crosses_itself;
 pub use equal::equal_nodes;
-pub use mortar::{Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
+pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
@@ -88,6 +88,8 @@ where
     pub interference: Option<Field<'a, D>>,
     /// Whether an overlap of the meshes, beyond touching, is an interference that contact presses apart.
     pub overlap: bool,
+    /// Whether an overlap of the meshes counts as touching, however deep.
+    pub touching: bool,
     /// Gaps and overlaps up to this distance count as touching.
     pub adjust: f64,
     /// An offset added to the gap of the meshes: below 0 for coatings, above 0 for a law that begins with an overlap; in m.
@@ -126,6 +128,7 @@ where
             gap: None,
             interference: None,
             overlap: false,
+            touching: false,
             adjust: 0.0,
             offset: 0.0,
             stiffness: [None; 2],
@@ -153,7 +156,7 @@ where
             return -interference(x);
         }
         let gap = self.gap.map_or(distance, |gap| gap(x));
-        let counts = gap.abs() <= rounding.max(self.adjust);
+        let counts = gap.abs() <= rounding.max(self.adjust) || self.touching && gap < 0.0;
         (if counts { 0.0 } else { gap }) + self.offset
     }
 

@@ -207,6 +207,7 @@ class Model:
         gap: Quantity | None = None,
         interference: Quantity | None = None,
         overlap: str | None = None,
+        exclude: Sequence[Sequence[Names]] | None = None,
         stiffness: Mapping[str, Quantity] | None = None,
         adjust: float | None = None,
         edge_angle: float | None = None,
@@ -228,8 +229,10 @@ class Model:
             ``{"coulomb": 0.3}``, or ``{"tresca": 2e6}`` in Pa; a quantity each, infinite where it never slips.
         gap, interference : quantity; optional
             In m, instead of the distance of the meshes. A gap is infinite where there is no obstacle.
-        overlap : {"interference"}; optional
-            An overlap of the meshes is intended and pressed apart.
+        overlap : {"interference", "touching"}; optional
+            An overlap of the meshes is intended and pressed apart, or comes from the drawing and counts as touching.
+        exclude : list of pairs of str or list of str; optional
+            Where boundaries meet themselves: those that do not meet each other. What ties and other contacts join is left to them without this.
         stiffness : dict; optional
             ``{"normal": 1e12, "tangential": 1e11}`` in Pa/m, for compliant contact; a quantity each.
         adjust, edge_angle, search_distance : float; optional
@@ -239,7 +242,7 @@ class Model:
             ``{"coefficient": 1e-14}`` in 1/Pa, the volume worn off over force and slip: gaps grow from cycle to cycle (`steps`).
         """
         law: dict[str, Any] = {"obstacle": obstacle, "friction": friction, "gap": gap, "interference": interference}
-        law |= {"overlap": overlap, "stiffness": stiffness}
+        law |= {"overlap": overlap, "exclude": exclude, "stiffness": stiffness}
         numbers = {"adjust": adjust, "edge_angle": edge_angle, "search_distance": search_distance}
         by_step = {"active": active, "friction_factors": friction_factors, "wear": wear}
         return self.add("contact", boundary=boundary, against=against, **law, **numbers, **by_step, **more)

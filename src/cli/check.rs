@@ -368,7 +368,7 @@ where
     let length = Units::behind(&units.length);
     if pair.places == 0 {
         lines.push(format!(
-            "contact       {}\"{}\" / {}: no places at rest, as the sides are farther apart than the search distance {:.4e}{length}; {}",
+            "contact       {}\"{}\" / {}: no places at rest: nothing is opposite within the search distance {:.4e}{length}; {}",
             (pair.name.as_ref()).map_or(String::new(), |name| format!("\"{name}\" on ")),
             pair.boundary,
             pair.against,

@@ -58,8 +58,8 @@ use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, bounds, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
-use itself::Behind;
-pub use itself::{Itself, Wall, walls};
+use itself::{Behind, SHALLOW};
+pub use itself::{Excluded, Itself, Wall, walls};
 use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -418,12 +418,12 @@ where
         let made = walls.get_or_init(|| skin.as_ref().map(|skin| Behind::new(body, skin)));
         made.as_ref()
     };
-    let carries =
-        (options.itself).map(|itself| itself.carriers(body, &first, &search, distance, options));
+    let carries = (options.itself)
+        .map(|itself| itself.carriers(body, &first, &search, distance, options, &behind));
     let shares: Vec<FacetShares<D>> = (0..facets.len())
         .into_par_iter()
         .map(|number| {
-            if (carries.as_ref()).is_some_and(|carries| !carries[number]) {
+            if (carries.as_ref()).is_some_and(|(carries, _)| !carries[number]) {
                 return FacetShares::default();
             }
             let mut slave = SlaveFacet::new(body, &first, number);
@@ -432,21 +432,30 @@ where
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
             let mut near = second.near(mesh, &search, &slave, distance);
-            if let (Some(itself), Some(carries)) = (options.itself, &carries) {
+            if let (Some(itself), Some((carries, limits))) = (options.itself, &carries) {
                 itself.may_meet(facets, number, &mut near);
-                (near.iter_mut()).for_each(|other| other.hides = carries[other.number]);
+                for other in &mut near {
+                    other.hides |= carries[other.number];
+                    let mut limits = limits[number].iter();
+                    if let Some(limit) = limits.find(|limit| limit.0 == other.number) {
+                        other.deepest = limit.1;
+                    }
+                }
             }
             let nodes = facet_nodes(&facets[number]);
             let made = integrate(&slave, nodes, &near, distance, rounding, options);
-            let (low, high) = bounds(nodes.iter().map(|&node| mesh.nodes[node as usize]));
-            if options.itself.is_some() || made.deepest <= length(minus(high, low)) {
+            let size = slave.size();
+            if options.itself.is_some() || made.deepest <= SHALLOW * size {
                 return made;
             }
+            let Some(behind) = behind() else {
+                return made;
+            };
             // The sides overlap by more than a facet, or nothing is opposite: what is beyond a wall is something else.
-            match behind() {
-                Some(behind) => behind.limit([&first, second], number, &mut near, distance),
-                None => return made,
+            if made.deepest > size {
+                behind.limit([&first, second], number, &mut near, distance);
             }
+            behind.leave_out(&slave, &facets[number], &mut near, distance);
             integrate(&slave, nodes, &near, distance, rounding, options)
         })
         .collect();
@@ -536,6 +545,12 @@ impl<const D: usize> MasterFacet<D> {
 }
 
 impl<const D: usize> SlaveFacet<D> {
+    /// The diagonal of the box around its nodes.
+    fn size(&self) -> f64 {
+        let (low, high) = bounds(self.nodes[..self.len].iter().copied());
+        length(minus(high, low))
+    }
+
     fn new(body: &Body<D>, surface: &Surface<D>, number: usize) -> Self
     where
         ElementKind: Topology<D>,

@@ -219,11 +219,56 @@ fn nearest<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    let (size, near) = nearest_of(mesh, search, facets, x, within, |_| true)?;
+    let offset = minus(x, near.point);
+    let along = dot(offset, near.normal);
+    let beyond = length(std::array::from_fn::<_, D, _>(|c| {
+        offset[c] - along * near.normal[c]
+    }));
+    (along.abs() <= within && beyond <= BEYOND * size + AS_NEAR * along.abs()).then_some(near)
+}
+
+/// How far x is inside of the boundary that some facets are, below 0 outside; None where none of them is within a distance along each
+/// axis.
+pub(super) fn depth_within<const D: usize>(
+    mesh: &Mesh<D>,
+    search: &Search<D>,
+    facets: &[Facet<D>],
+    x: [f64; D],
+    within: f64,
+    counts: impl Fn(&Facet<D>) -> bool,
+) -> Option<f64>
+where
+    ElementKind: Topology<D>,
+{
+    let (_, near) = nearest_of(mesh, search, facets, x, within, counts)?;
+    let offset = minus(x, near.point);
+    let side = if dot(offset, near.normal) > 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
+    Some(side * length(offset))
+}
+
+/// The point nearest to x of those facets near to it that count, with the size of its facet. Where several are as near, their
+/// normals are averaged.
+fn nearest_of<const D: usize>(
+    mesh: &Mesh<D>,
+    search: &Search<D>,
+    facets: &[Facet<D>],
+    x: [f64; D],
+    within: f64,
+    counts: impl Fn(&Facet<D>) -> bool,
+) -> Option<(f64, Nearest<D>)>
+where
+    ElementKind: Topology<D>,
+{
     let axes = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
     let beam = Beam::around(axes, [x], [within; D]);
     let mut best: Option<(f64, f64, Nearest<D>)> = None;
-    for (number, _) in search.near(beam) {
-        let facet = &facets[number];
+    let near = search.near(beam).map(|(number, _)| &facets[number]);
+    for facet in near.filter(|facet| counts(facet)) {
         let (area, normal) = mesh.facet_normal(facet);
         let size = if D == 2 { area } else { area.sqrt() };
         for part in facet_parts(facet) {
@@ -254,12 +299,7 @@ where
     }
     let (_, size, mut near) = best?;
     near.normal = unit(near.normal);
-    let offset = minus(x, near.point);
-    let along = dot(offset, near.normal);
-    let beyond = length(std::array::from_fn::<_, D, _>(|c| {
-        offset[c] - along * near.normal[c]
-    }));
-    (along.abs() <= within && beyond <= BEYOND * size + AS_NEAR * along.abs()).then_some(near)
+    Some((size, near))
 }
 
 /// The weights of the corners of a segment, triangle or quadrilateral at its point nearest to x.

@@ -4,17 +4,19 @@ use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
 use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{end_of, outer_facets};
-use super::pair::{Against, Law};
+use super::pair::{Against, Law, Overlap};
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
-    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Itself, Met, Obstacle, PairOptions, Space,
-    Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact, obstacle_contact, walls,
+    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Excluded, Itself, Met, Obstacle,
+    PairOptions, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact,
+    obstacle_contact, walls,
 };
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{length, minus};
 use crate::mesh::{
     ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
+    unsided,
 };
 use crate::problem::UNREACHABLE;
 use rstar::RTree;
@@ -41,6 +43,8 @@ where
     pub others: Vec<Facet<D>>,
     /// Of a boundary that meets itself, what is behind each facet; otherwise empty.
     pub walls: Vec<Wall<D>>,
+    /// Of a boundary that meets itself, the exclusions of each facet; empty where there are none.
+    pub excluded: Vec<Vec<Excluded>>,
     /// The master boundary, or the kind of obstacle.
     pub against: String,
     /// The obstacle, if the other side is not a boundary.
@@ -101,6 +105,7 @@ where
             facets: Vec::new(),
             others: Vec::new(),
             walls: Vec::new(),
+            excluded: Vec::new(),
             against,
             obstacle: None,
             friction,
@@ -297,23 +302,64 @@ impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
 {
-    /// Looks for its contact places. Where displacements are `large`, bodies may meet later.
-    fn find(
-        &self,
+    /// The facets of its own side.
+    fn own_facets(&self, mesh: &Mesh<D>) -> Result<Vec<Facet<D>>, Fault> {
+        match self.is_by_nodes() {
+            true => Ok(mesh.outer_facets_at(&nodes_of_sets(mesh, self.side())?, false)),
+            false => outer_facets(mesh, self.side().all()),
+        }
+    }
+
+    /// Of a boundary that meets itself, the exclusions of each facet: those that are stated, and the sides of others, as of ties.
+    fn excluded<'p>(
+        &'p self,
+        mesh: &Mesh<D>,
+        others: impl Iterator<Item = &'p Self>,
+    ) -> Result<Vec<Vec<Excluded>>, Fault> {
+        if !self.is_with_itself() {
+            return Ok(Vec::new());
+        }
+        let facets_of = |names: &Names| outer_facets(mesh, names.all());
+        let mut all = Vec::new();
+        for [one, other] in &self.exclude {
+            all.push([facets_of(one)?, facets_of(other)?]);
+        }
+        for other in others.filter(|other| !other.is_with_itself()) {
+            if let Against::Boundary(names) = other.meets() {
+                all.push([other.own_facets(mesh)?, facets_of(names)?]);
+            }
+        }
+        let facets = self.own_facets(mesh)?;
+        let numbered = facets.iter().enumerate();
+        let number_of: HashMap<_, _> = numbered.map(|(k, facet)| (unsided(facet), k)).collect();
+        let mut excluded = vec![Vec::new(); facets.len()];
+        for (number, sides) in (0..).zip(&all) {
+            for (facets, side) in sides.iter().zip([false, true]) {
+                let known = facets
+                    .iter()
+                    .filter_map(|facet| number_of.get(&unsided(facet)));
+                known.for_each(|&k| excluded[k].push((number, side)));
+            }
+        }
+        Ok(excluded)
+    }
+
+    /// Looks for its contact places beside all pairs of a model. Where displacements are `large`, bodies may meet later.
+    fn find<'p>(
+        &'p self,
         body: &Body<D>,
         units: &Units,
         sliding: &Sliding<D>,
         large: bool,
+        all: impl Iterator<Item = &'p Self>,
     ) -> Result<Found<D>, Fault> {
         let mesh = body.mesh;
         let nodes = match self.is_by_nodes() {
             true => nodes_of_sets(mesh, self.side())?,
             false => Vec::new(),
         };
-        let mut facets = match self.is_by_nodes() {
-            true => mesh.outer_facets_at(&nodes, false),
-            false => outer_facets(mesh, self.side().all())?,
-        };
+        let mut facets = self.own_facets(mesh)?;
+        let excluded = self.excluded(mesh, all)?;
         let law = |x| self.law.at(x);
         // Overlapping arcs lose that overlap as polygons.
         let mut off = None;
@@ -346,7 +392,8 @@ where
         let mut options = PairOptions {
             gap: (self.gap.is_some() || self.is_tie() || of_arcs.is_some()).then_some(&gap),
             interference: self.interference.is_some().then_some(&overlap),
-            overlap: self.overlap.is_some(),
+            overlap: self.overlap == Some(Overlap::Interference),
+            touching: self.overlap == Some(Overlap::Touching),
             adjust: self.adjust,
             offset: self.offset,
             search_distance: self.search_distance,
@@ -388,6 +435,7 @@ where
                     options.itself = Some(Itself {
                         walls: &behind,
                         before: &[],
+                        excluded: &excluded,
                     });
                 }
                 let found = match self.is_by_nodes() {
@@ -431,6 +479,7 @@ where
             facets,
             others,
             walls: behind,
+            excluded,
             obstacle: match self.meets() {
                 Against::Obstacle(obstacle) => Some(*obstacle),
                 Against::Boundary(_) => None,
@@ -446,7 +495,12 @@ where
             ..PairData::between(kind, &self.name, boundary, against, self.friction(units))
         };
         let found = match found {
-            Err(ContactError::Apart { .. }) if large && data.slides() => Ok(Vec::new()),
+            // Bodies may meet later, or other contacts have all that there is.
+            Err(ContactError::Apart { .. })
+                if large && data.slides() || !data.excluded.is_empty() =>
+            {
+                Ok(Vec::new())
+            }
             found => found,
         };
         let found = found.map_err(|error| match error {
@@ -514,6 +568,7 @@ where
             itself: data.meets_itself().then_some(Itself {
                 walls: &data.walls,
                 before,
+                excluded: &data.excluded,
             }),
             ..self.options(&law, [&normal, &tangential], sliding)
         };
@@ -624,8 +679,9 @@ where
         };
         let (mut places_of_all, mut pair_of, mut data_of_all) =
             (Vec::new(), Vec::new(), Vec::new());
-        let pairs = self.pairs.iter().chain(&self.ties);
-        let pairs = pairs.map(|pair| pair.find(body, &units, &sliding, self.is_large()));
+        let all = self.pairs.iter().chain(&self.ties);
+        let pairs = (all.clone())
+            .map(|pair| pair.find(body, &units, &sliding, self.is_large(), all.clone()));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         let preloads = self.preloads.iter().zip(&self.sections);
@@ -760,11 +816,13 @@ where
                 continue;
             }
             let pair = pair as usize;
-            let Some(node) = contact.places[i].node else {
+            let (Some(node), Some(_)) = (contact.places[i].node, pairs[pair].obstacle) else {
                 continue;
             };
             let here = &pairs[pair].facets;
-            let shared = (pairs.iter().enumerate()).any(|(other, there)| {
+            let obstacles = pairs.iter().enumerate();
+            let mut obstacles = obstacles.filter(|(_, there)| there.obstacle.is_some());
+            let shared = obstacles.any(|(other, there)| {
                 let of_node = |facet: &&Facet<D>| facet_nodes(facet).contains(&node);
                 let mut common = there.facets.iter().filter(of_node);
                 other != pair && common.any(|facet| here.contains(facet))

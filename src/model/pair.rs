@@ -33,6 +33,9 @@ pub struct Pair<const D: usize = 2> {
     pub(super) gap: Option<Quantity<D>>,
     pub(super) interference: Option<Quantity<D>>,
     pub(super) overlap: Option<Overlap>,
+    /// Where a boundary meets itself: boundaries that do not meet each other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) exclude: Vec<[Names; 2]>,
     #[serde(default, skip_serializing_if = "Stiffness::is_hard")]
     pub(super) stiffness: Stiffness<D>,
     #[serde(default, skip_serializing_if = "stated::is_default")]
@@ -69,11 +72,13 @@ pub(super) enum Law<const D: usize> {
 }
 
 /// The meaning of an overlap of the meshes.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Overlap {
     /// It is pressed apart.
     Interference,
+    /// It comes from the drawing, and counts as touching.
+    Touching,
 }
 
 /// The stiffness of a contact itself: pressure over closure of the gap, and traction over displacement before slip; hard if not
@@ -282,6 +287,20 @@ impl<const D: usize> Pair<D> {
         self
     }
 
+    /// Overlaps of the meshes come from their drawing, and count as touching, however deep; elsewhere the gap is the distance
+    /// of the meshes.
+    pub fn overlap_as_touching(mut self) -> Self {
+        self.overlap = Some(Overlap::Touching);
+        self
+    }
+
+    /// Where a boundary meets itself: these two do not meet each other, which may be the same. Boundaries that a tie or another
+    /// contact joins are left to it without this.
+    pub fn exclude(mut self, one: impl Into<Names>, other: impl Into<Names>) -> Self {
+        self.exclude.push([one.into(), other.into()]);
+        self
+    }
+
     /// Compliant contact: pressure over closure of the gap, in Pa/m. Hard without it.
     pub fn normal_stiffness(mut self, stiffness: impl Into<Quantity<D>>) -> Self {
         self.stiffness.normal = Some(stiffness.into());
@@ -414,9 +433,10 @@ impl<const D: usize> Pair<D> {
         Some(Flaw::of(text.0, text.1))
     }
 
-    /// Whether another contact has the same boundaries with its sides swapped. Laws of boundaries that meet themselves may add up.
+    /// Whether another contact has the same boundaries with its sides swapped. Laws of boundaries that meet themselves may add up, and
+    /// leave other contacts out.
     pub(super) fn mirrors(&self, other: &Self) -> bool {
-        if self.is_with_itself() && other.is_with_itself() {
+        if self.is_with_itself() || other.is_with_itself() {
             return false;
         }
         match (self.meets(), other.meets()) {
@@ -495,7 +515,10 @@ impl<const D: usize> Part for Pair<D> {
                 "offset is added to the gap in the mesh: leave out gap and interference"
             }
             () if self.overlap.is_some() && is_stated => {
-                "overlap = \"interference\" refers to the gap in the mesh: leave out gap and interference"
+                "overlap refers to the gap in the mesh: leave out gap and interference"
+            }
+            () if !self.exclude.is_empty() && !self.is_with_itself() => {
+                "exclude belongs to boundaries that meet themselves: the same names under boundary and against"
             }
             () => match against {
                 Against::Boundary(names) if names.all().is_empty() => NO_BOUNDARY,

@@ -7,15 +7,16 @@
 //! their size is against it. From one configuration to the next facets keep their colours where these are still possible.
 
 use super::surface::Surface;
-use super::{ContactError, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
+use super::{ContactError, Cover, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
 use crate::contact::held_across;
+use crate::contact::nodes::depth_within;
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{
     ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes, unsided,
 };
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// What is known of a boundary that meets itself before its places are found.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +25,12 @@ pub struct Itself<'a, const D: usize> {
     pub walls: &'a [Wall<D>],
     /// Above 0 where a facet had multipliers in the configuration before, below 0 where it was met; may be empty.
     pub before: &'a [i32],
+    /// The sides of exclusions that each facet is on; may be empty.
+    pub excluded: &'a [Vec<Excluded>],
 }
+
+/// The number of an exclusion, and one of its two sides: facets of either do not meet those of the other.
+pub type Excluded = (u32, bool);
 
 /// The body behind a facet, at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +47,10 @@ pub struct Wall<const D: usize> {
 /// A side that the body behind another one has come to within this part of its thickness around the point behind the latter at rest
 /// is the other side of the same wall, whatever it has been sheared by.
 const BEHIND: f64 = 0.5;
+/// Overlaps are looked at if they are deeper than this part of a facet.
+pub(super) const SHALLOW: f64 = 0.1;
+/// An overlap with another body is with the side through which it has come in only if the way out is at least this part of it.
+const WAY_OUT: f64 = 0.25;
 /// What is deeper in a wall than this part of the thinner one's thickness is behind it.
 const DEEPEST: f64 = 0.9;
 
@@ -59,7 +69,7 @@ impl<const D: usize> Wall<D> {
 
 impl<const D: usize> Itself<'_, D> {
     /// Those of the facets `near` that one of the boundary may meet: they have no node in common, and are not the other side of
-    /// its wall.
+    /// its wall. Those that it must not meet are in the way of what is behind them.
     pub(super) fn may_meet(
         &self,
         facets: &[Facet<D>],
@@ -73,21 +83,30 @@ impl<const D: usize> Itself<'_, D> {
             let across = &self.walls[other.number];
             other.deepest = DEEPEST * wall.thickness.min(across.thickness);
             other.is_first = true;
+            other.hides = self.excludes(number, other.number);
             !wall.ends_at(across)
                 && !across.ends_at(wall)
                 && !other.nodes().iter().any(|node| own.contains(node))
         });
     }
 
-    /// Whether each facet of a boundary carries multipliers.
-    pub(super) fn carriers(
+    /// Whether two facets are on both sides of an exclusion.
+    fn excludes(&self, a: usize, b: usize) -> bool {
+        let [a, b] = [a, b].map(|k| self.excluded.get(k).map_or(&[][..], Vec::as_slice));
+        a.iter().any(|(number, side)| b.contains(&(*number, !side)))
+    }
+
+    /// Whether each facet of a boundary carries multipliers, and with which others its overlaps end sooner than their walls: these,
+    /// each with its deepest overlap.
+    pub(super) fn carriers<'s>(
         &self,
         body: &Body<D>,
         surface: &Surface<D>,
         search: &Search<D>,
         distance: f64,
         options: &PairOptions<D>,
-    ) -> Vec<bool>
+        behind: &(impl Fn() -> Option<&'s Behind<'s, D>> + Sync),
+    ) -> (Vec<bool>, Vec<Vec<(usize, f64)>>)
     where
         ElementKind: Mortar<D>,
     {
@@ -95,12 +114,28 @@ impl<const D: usize> Itself<'_, D> {
         let facets = surface.facets;
         let all = 0..facets.len();
         // Pairs that are opposite each other, with their distances.
-        let mut pairs: Vec<(f64, [usize; 2], bool)> = (all.clone().into_par_iter())
-            .flat_map_iter(|number| {
+        type Pairs = Vec<(f64, [usize; 2], bool)>;
+        let (mut pairs, limits): (Vec<Pairs>, Vec<_>) = (all.clone().into_par_iter())
+            .map(|number| {
                 let slave = SlaveFacet::new(body, surface, number);
                 let mut near = surface.near(mesh, search, &slave, distance);
                 self.may_meet(facets, number, &mut near);
-                let covers = <ElementKind as Mortar<D>>::covers(&slave, &near, distance);
+                let mut covers = <ElementKind as Mortar<D>>::covers(&slave, &near, distance);
+                let mut limits = Vec::new();
+                if deepest(&covers) > SHALLOW * slave.size()
+                    && let Some(behind) = behind()
+                {
+                    let walls: Vec<f64> = near.iter().map(|other| other.deepest).collect();
+                    behind.leave_out(&slave, &facets[number], &mut near, distance);
+                    let changed = near
+                        .iter()
+                        .zip(walls)
+                        .filter(|(other, wall)| other.deepest < *wall);
+                    limits.extend(changed.map(|(other, _)| (other.number, other.deepest)));
+                    if !limits.is_empty() {
+                        covers = <ElementKind as Mortar<D>>::covers(&slave, &near, distance);
+                    }
+                }
                 let mut least: HashMap<usize, f64> = HashMap::new();
                 let points = covers.iter().flat_map(|cover| &cover.points);
                 for point in points.filter(|point| point.distance.is_finite()) {
@@ -109,12 +144,12 @@ impl<const D: usize> Itself<'_, D> {
                         .or_insert(f64::INFINITY);
                     *least = least.min(point.distance);
                 }
-                let pair = move |(other, distance)| {
-                    (distance, [number.min(other), number.max(other)], true)
-                };
-                least.into_iter().map(pair)
+                let pair =
+                    |(other, distance)| (distance, [number.min(other), number.max(other)], true);
+                (least.into_iter().map(pair).collect::<Pairs>(), limits)
             })
-            .collect();
+            .unzip();
+        let mut pairs: Pairs = pairs.drain(..).flatten().collect();
         let mut meets = vec![false; facets.len()];
         pairs
             .iter()
@@ -165,7 +200,7 @@ impl<const D: usize> Itself<'_, D> {
             let [own, met] = [0, n].map(|side| favour[groups.of(k as u32 + side) as usize]);
             meets[k] && own > met
         };
-        all.map(carries).collect()
+        (all.map(carries).collect(), limits)
     }
 }
 
@@ -257,6 +292,47 @@ where
         thickness.min(roundest.recip())
     }
 
+    /// Leaves out overlaps of a facet with others whose body has a much shorter way out: what is opposite there is another side of it.
+    pub fn leave_out(
+        &self,
+        slave: &SlaveFacet<D>,
+        own: &Facet<D>,
+        near: &mut [MasterFacet<D>],
+        distance: f64,
+    ) {
+        let body_of = |nodes: &[u32]| self.body_of[nodes[0] as usize];
+        let here = body_of(facet_nodes(own));
+        // Where one is left out, another may be behind it.
+        for _ in 0..near.len() {
+            // The weight of what overlaps, and the sums of its places and depths.
+            let mut met: BTreeMap<usize, (f64, [f64; D], f64)> = BTreeMap::new();
+            for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
+                let overlaps = cover.points.iter().filter(|point| point.distance < 0.0);
+                for point in overlaps.filter(|point| body_of(near[point.other].nodes()) != here) {
+                    let sums = met.entry(point.other).or_insert((0.0, [0.0; D], 0.0));
+                    sums.0 += point.weight;
+                    (0..D).for_each(|c| sums.1[c] += point.weight * point.place[c]);
+                    sums.2 -= point.weight * point.distance;
+                }
+            }
+            let mut is_left_out = false;
+            for (other, (weight, places, depths)) in met.into_iter().filter(|one| one.1.0 > 0.0) {
+                let (x, depth) = (places.map(|sum| sum / weight), depths / weight);
+                let there = body_of(near[other].nodes());
+                let of_body = |facet: &Facet<D>| body_of(facet_nodes(facet)) == there;
+                let (mesh, all) = (self.body.mesh, self.surface.facets);
+                let way_out = depth_within(mesh, &self.search, all, x, depth, of_body);
+                if way_out.is_some_and(|way_out| way_out < WAY_OUT * depth) {
+                    near[other].deepest = WAY_OUT * depth;
+                    is_left_out = true;
+                }
+            }
+            if !is_left_out {
+                return;
+            }
+        }
+    }
+
     /// Limits overlaps of a facet of the first surface with some of the second to what is possible on both sides.
     pub fn limit(
         &self,
@@ -271,6 +347,13 @@ where
             other.deepest = other.deepest.min(DEEPEST * most);
         }
     }
+}
+
+/// The deepest overlap of covered parts.
+fn deepest<const D: usize>(covers: &[Cover<D>]) -> f64 {
+    let points = covers.iter().flat_map(|cover| &cover.points);
+    let depths = points.map(|point| -point.distance);
+    depths.filter(|depth| depth.is_finite()).fold(0.0, f64::max)
 }
 
 /// How far the element behind each facet reaches.

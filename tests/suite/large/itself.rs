@@ -81,47 +81,178 @@ fn a_ring_is_crushed_flat() {
     assert!(down(&whole[19]) < 10.0 * down(&whole[18]));
 }
 
-/// Three blocks of meshes that do not match, pressed together by a fifth: any side may meet any other.
+const BLOCKS: [&str; 3] = ["low", "middle", "up"];
+
+/// Three blocks of meshes that do not match on top of each other, each so high, and drawn into the one below it by so much.
+fn blocks(heights: [f64; 3], overlap: f64) -> Mesh {
+    let cells = [[8, 4], [5, 3], [7, 2]];
+    let mut low = 0.0;
+    let parts = [0, 1, 2].map(|k| {
+        let name = BLOCKS[k];
+        let prefix = format!("{name}-");
+        let (at, size) = ([0.0, low], [1.0, heights[k]]);
+        low += heights[k] - overlap;
+        rectangle(at, size, cells[k], CellShape::Quad, name, &prefix)
+    });
+    let [low, middle, up] = parts;
+    join(join(low, middle), up)
+}
+
+/// These sides of all blocks.
+fn sides(of_each: [&str; 2]) -> Vec<String> {
+    let of_block = |name: &&str| of_each.map(|side| format!("{name}-{side}"));
+    BLOCKS.iter().flat_map(of_block).collect()
+}
+
+/// The displacements of blocks that are pressed together by this motion of the uppermost side, with small and with large displacements.
+fn pressed(mesh: &Mesh, down: f64, contacts: &[Pair], ties: &[Pair]) -> [Vec<Point>; 2] {
+    [false, true].map(|large| {
+        let mut model = Model::on(mesh.clone())
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on(sides(["left", "right"])).x(0.0))
+            .support(Support::on("low-bottom").y(0.0))
+            .support(Support::on("up-top").y(-down));
+        for contact in contacts {
+            model = model.contact(contact.clone());
+        }
+        for tie in ties {
+            model = model.tie(tie.clone());
+        }
+        if large {
+            model = model.large_displacements();
+        }
+        let end = solved(model, 1e-10, Cholesky).remove(0);
+        assert_eq!(end.status, Status::Converged, "large: {large}");
+        end.displacement
+    })
+}
+
+/// Each node goes down by its part of the whole height, and nothing moves sideways.
+fn are_uniform(mesh: &Mesh, all: &[Vec<Point>; 2], goal: impl Fn(Point) -> f64) {
+    for u in all {
+        for (x, u) in mesh.nodes.iter().zip(u) {
+            let off = (u[1] - goal(*x)).hypot(u[0]);
+            assert!(off < 1e-8, "{off:e} at {x:?}: {u:?}");
+        }
+    }
+}
+
+/// Three blocks are pressed together by a fifth: any side may meet any other.
 #[test]
 fn blocks_meet_as_they_come() {
-    let names = ["low", "middle", "up"];
-    let cells = [[8, 4], [5, 3], [7, 2]];
-    let heights = [0.0, 0.5, 0.8, 1.2];
-    let part = |k: usize| {
-        let (low, high) = (heights[k], heights[k + 1]);
-        let prefix = format!("{}-", names[k]);
-        rectangle(
-            [0.0, low],
-            [1.0, high - low],
-            cells[k],
-            CellShape::Quad,
-            names[k],
-            &prefix,
-        )
-    };
-    let mesh = join(join(part(0), part(1)), part(2));
-    let all: Vec<String> = (names.iter())
-        .flat_map(|name| ["bottom", "top"].map(|side| format!("{name}-{side}")))
+    let mesh = blocks([0.5, 0.3, 0.4], 0.0);
+    let all = sides(["bottom", "top"]);
+    let each = pressed(&mesh, 0.2, &[Pair::new(all.clone(), all)], &[]);
+    are_uniform(&mesh, &each, |x| -0.2 * x[1] / 1.2);
+}
+
+/// Sides that a tie joins, or another contact, are left to it; nothing is left here.
+#[test]
+fn sides_that_are_joined_otherwise_are_left_out() {
+    let mesh = blocks([0.5, 0.3, 0.4], 0.0);
+    let all = sides(["bottom", "top"]);
+    let contacts = [
+        Pair::new(all.clone(), all),
+        Pair::new("up-bottom", "middle-top").coulomb(0.3),
+    ];
+    let ties = [
+        Pair::tied("middle-bottom", "low-top"),
+        Pair::tied("up-bottom", "middle-top"),
+    ];
+    let each = pressed(&mesh, 0.2, &contacts, &ties[..1]);
+    are_uniform(&mesh, &each, |x| -0.2 * x[1] / 1.2);
+    // The tie holds when it is pulled, and the contact of all does not press against it.
+    let each = pressed(&mesh, -0.1, &contacts[..1], &ties);
+    are_uniform(&mesh, &each, |x| 0.1 * x[1] / 1.2);
+}
+
+/// The uppermost block passes through the one below it, where these are excluded.
+#[test]
+fn what_is_excluded_does_not_meet() {
+    let mesh = blocks([0.5, 0.3, 0.4], 0.0);
+    let all = sides(["bottom", "top"]);
+    let contact = Pair::new(all.clone(), all).exclude("middle-top", "up-bottom");
+    let each = pressed(&mesh, 0.1, &[contact], &[]);
+    let first_of_up = mesh.nodes.len() - 8 * 3;
+    for u in &each {
+        for (number, u) in u.iter().enumerate() {
+            let goal = if number < first_of_up { 0.0 } else { -0.1 };
+            assert!((u[1] - goal).hypot(u[0]) < 1e-8, "{number}: {u:?}");
+        }
+    }
+}
+
+/// Overlaps of the drawing that count as touching have no stress, and sides press as if they touched.
+#[test]
+fn overlaps_of_the_drawing_may_count_as_touching() {
+    let (heights, overlap) = ([0.5, 0.3, 0.4], 0.02);
+    let mesh = blocks(heights, overlap);
+    let all = sides(["bottom", "top"]);
+    let contact = Pair::new(all.clone(), all).overlap_as_touching();
+    let each = pressed(&mesh, 0.0, std::slice::from_ref(&contact), &[]);
+    are_uniform(&mesh, &each, |_| 0.0);
+    let each = pressed(&mesh, 0.12, &[contact], &[]);
+    let counts = [9 * 5, 6 * 4, 8 * 3];
+    for u in &each {
+        let mut first = 0;
+        for (block, count) in counts.into_iter().enumerate() {
+            // By how much the drawing has it lower than it would be without overlaps.
+            let lower = overlap * block as f64;
+            for k in first..first + count {
+                let goal = -0.1 * (mesh.nodes[k][1] + lower);
+                let off = (u[k][1] - goal).hypot(u[k][0]);
+                assert!(off < 1e-8, "{off:e} at {:?}: {:?}", mesh.nodes[k], u[k]);
+            }
+            first += count;
+        }
+    }
+}
+
+/// A block drawn into the side of another one slides along it: what is there of its lower side does not meet the upper side of the other,
+/// which is farther behind it than the way out.
+#[test]
+fn a_block_drawn_into_the_side_of_another_slides() {
+    let base = rectangle(
+        [0.0, 0.0],
+        [1.0, 0.5],
+        [7, 4],
+        CellShape::Quad,
+        "base",
+        "base-",
+    );
+    let other = rectangle(
+        [0.98, 0.3],
+        [0.5, 0.7],
+        [5, 6],
+        CellShape::Quad,
+        "other",
+        "other-",
+    );
+    let n_base = base.nodes.len();
+    let mesh = join(base, other);
+    let all: Vec<String> = (["base", "other"].iter())
+        .flat_map(|name| ["bottom", "top", "left", "right"].map(|side| format!("{name}-{side}")))
         .collect();
-    let sides: Vec<String> = (names.iter())
-        .flat_map(|name| ["left", "right"].map(|side| format!("{name}-{side}")))
-        .collect();
+    let contact = Pair::new(all.clone(), all).search_distance(0.3);
     for large in [false, true] {
-        let model = Model::on(mesh.clone())
+        let mut model = Model::on(mesh.clone())
             .material(neo_hooke(1.0, 0.3))
-            .support(Support::on(sides.clone()).x(0.0))
-            .support(Support::on("low-bottom").y(0.0))
-            .support(Support::on("up-top").y(-0.2))
-            .contact(Pair::new(all.clone(), all.clone()));
-        let model = match large {
-            true => model.large_displacements(),
-            false => model,
-        };
+            .support(Support::on("base-left").x(0.0).y(0.0))
+            .support(Support::on("other-right").x(0.0).y(-0.08))
+            .contact(contact.clone().overlap_as_touching());
+        if large {
+            model = model.large_displacements();
+        }
         let end = solved(model, 1e-10, Cholesky).remove(0);
-        assert_eq!(end.status, Status::Converged);
-        for (x, u) in mesh.nodes.iter().zip(&end.displacement) {
-            let off = (u[1] + 0.2 * x[1] / 1.2).hypot(u[0]);
-            assert!(off < 1e-8, "{off:e} at {x:?}, large: {large}");
+        assert_eq!(end.status, Status::Converged, "large: {large}");
+        for (k, u) in end.displacement.iter().enumerate() {
+            let goal = if k < n_base { 0.0 } else { -0.08 };
+            let off = (u[1] - goal).hypot(u[0]);
+            assert!(
+                off < 1e-8,
+                "{off:e} at {:?}: {u:?}, large: {large}",
+                mesh.nodes[k]
+            );
         }
     }
 }
