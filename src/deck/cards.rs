@@ -1,5 +1,6 @@
 //! The keywords of a deck, one after another.
 
+mod general;
 mod keywords;
 mod loads;
 mod points;
@@ -211,6 +212,12 @@ impl<'a> Said<'a> {
             }
             "MODEL CHANGE" => self.change_pairs(card)?,
             "CONTACT PAIR" => self.pairs(card)?,
+            "CONTACT"
+            | "CONTACT INCLUSIONS"
+            | "CONTACT EXCLUSIONS"
+            | "CONTACT PROPERTY ASSIGNMENT"
+            | "CONTACT INITIALIZATION ASSIGNMENT"
+            | "CONTACT INITIALIZATION DATA" => self.general(card)?,
             "TIE" => self.ties(card)?,
             "EQUATION" => self.equations(card)?,
             "SPRING" => self.spring(card)?,

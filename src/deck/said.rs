@@ -199,6 +199,34 @@ pub(super) struct PairCard<'a> {
     pub adjust: Option<Adjust<'a>>,
 }
 
+/// A line of general contact.
+pub(super) struct GeneralCard<'a> {
+    pub line: usize,
+    /// Two surfaces, or one twice; empty: all of the outside.
+    pub sides: [&'a str; 2],
+    pub what: General,
+}
+
+/// What a line of general contact says of two surfaces.
+pub(super) enum General {
+    Included,
+    Excluded,
+    /// The name of their interaction, in capitals.
+    Interaction(String),
+    /// The name of their initialization, in capitals.
+    Initialization(String),
+}
+
+/// `*CONTACT INITIALIZATION DATA`.
+pub(super) struct Initialization {
+    /// In capitals.
+    pub name: String,
+    /// Overlaps are pressed apart.
+    pub pressed: bool,
+    /// Gaps up to this distance are closed.
+    pub above: f64,
+}
+
 /// `*CHANGE FRICTION`: the coefficient of an interaction from a step on.
 pub(super) struct FrictionChange {
     pub step: usize,
@@ -368,6 +396,10 @@ pub(super) struct Said<'a> {
     pub initial_temperatures: Vec<(usize, &'a str, f64)>,
     pub interactions: Vec<Interaction>,
     pub pairs: Vec<PairCard<'a>>,
+    /// The line of `*CONTACT`.
+    pub general_contact: Option<usize>,
+    pub general: Vec<GeneralCard<'a>>,
+    pub initializations: Vec<Initialization>,
     pub friction_changes: Vec<FrictionChange>,
     pub behavior_changes: Vec<BehaviorChange>,
     pub pair_changes: Vec<PairChange>,

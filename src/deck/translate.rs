@@ -2,6 +2,7 @@
 
 mod contacts;
 mod equations;
+mod general;
 mod loads;
 mod nodes;
 mod points;
@@ -95,6 +96,8 @@ struct Translation<'a, 'i, const D: usize> {
     points: BTreeMap<u32, usize>,
     /// Numbers of the sets that are made here, by their names.
     made: BTreeMap<&'static str, usize>,
+    /// The name of the boundary that all of the outside is, once it has been made.
+    outside: Option<String>,
 }
 
 /// The model on the mesh, and all entries that it cannot express; `place` names a line of the deck.
@@ -133,6 +136,7 @@ fn translated<const D: usize>(
         rows: Vec::new(),
         points: BTreeMap::new(),
         made: BTreeMap::new(),
+        outside: None,
         index,
     };
     translation.whole();
@@ -148,6 +152,7 @@ fn translated<const D: usize>(
     translation.springs()?;
     translation.temperatures()?;
     translation.contacts()?;
+    translation.general()?;
     translation.steps();
     let made = Translated {
         definition: any(translation.definition),

@@ -85,7 +85,6 @@ fn a_deck_is_solved_and_converted() {
     );
 }
 
-/// Elements with reduced integration are read as others, and each run reports it; those with incompatible modes are kept.
 /// A surface that meets itself: both sides in one.
 #[test]
 fn a_contact_pair_may_have_one_surface() {
@@ -101,6 +100,78 @@ fn a_contact_pair_may_have_one_surface() {
     }
 }
 
+/// General contact: all of the outside, with properties of its own for two surfaces, without what is excluded.
+#[test]
+fn general_contact_has_no_list_of_pairs() {
+    let place = directory();
+    let pair = "*CONTACT PAIR,INTERACTION=I,TYPE=SURFACE TO SURFACE\nSup,Slow\n";
+    let given = |general: &str| {
+        let general = format!(
+            "*SURFACE INTERACTION,NAME=Hard\n*CONTACT, OP=NEW\n{general}*CONTACT CONTROLS ASSIGNMENT, AUTOMATIC TOLERANCES\n"
+        );
+        write(
+            &place.path().join("blocks.inp"),
+            &PRESSED.replace(pair, &general),
+        );
+    };
+    let all = "*CONTACT INCLUSIONS, ALL EXTERIOR\n";
+    for (general, contacts) in [
+        (
+            format!("{all}*CONTACT PROPERTY ASSIGNMENT\n ,  , I\n"),
+            vec!["exterior-1 / itself"],
+        ),
+        (
+            "*CONTACT INCLUSIONS\nSup, Slow\n*CONTACT PROPERTY ASSIGNMENT\n,,I\n".to_owned(),
+            vec!["Sup / Slow"],
+        ),
+        // Two surfaces with their own interaction, the first one of all the rest.
+        (
+            format!("{all}*CONTACT PROPERTY ASSIGNMENT\n,,Hard\nSlow, Sup, I\n"),
+            vec!["exterior-1 / itself", "Slow / Sup"],
+        ),
+    ] {
+        given(&general);
+        let said = solved(place.path(), &["solve", "blocks.inp", "-v"]);
+        assert!(said.contains("pressure up to 2.0000e0\n"), "{said}");
+        assert!(
+            said.contains("*CONTACT CONTROLS ASSIGNMENT is skipped"),
+            "{said}"
+        );
+        for contact in contacts {
+            assert!(said.contains(contact), "{contact} is not in {said}");
+        }
+    }
+    // What is excluded does not hold the upper block.
+    given(&format!("{all}*CONTACT EXCLUSIONS\nSup, Slow\n"));
+    let error = text(&signorini_in(place.path(), &["solve", "blocks.inp"]).stderr);
+    assert!(
+        error.contains("\"Eup\"") && error.contains("has no contact to hold it"),
+        "{error}"
+    );
+    for (general, wanted) in [
+        ("", "no *CONTACT INCLUSIONS belongs to it"),
+        (
+            "*CONTACT INCLUSIONS, ALL EXTERIOR\n*CONTACT PROPERTY ASSIGNMENT\n,,Nix\n",
+            "line 48: there is no *SURFACE INTERACTION \"NIX\"",
+        ),
+        (
+            "*CONTACT INCLUSIONS, ALL EXTERIOR\n*CONTACT PROPERTY ASSIGNMENT\n,Sup,I\n",
+            "line 48: an assignment to one surface and all others is not supported: name both",
+        ),
+        (
+            "*CONTACT INCLUSIONS\nSup, Slow\n*CONTACT EXCLUSIONS\n,Slow\n",
+            "line 49: *CONTACT EXCLUSIONS: a part of \"Sup\" and \"Slow\"",
+        ),
+    ] {
+        given(general);
+        let run = signorini_in(place.path(), &["solve", "blocks.inp"]);
+        let error = text(&run.stderr);
+        assert_eq!(run.status.code(), Some(1), "{error}");
+        assert!(error.contains(wanted), "{wanted} is not in {error}");
+    }
+}
+
+/// Elements with reduced integration are read as others, and each run reports it; those with incompatible modes are kept.
 #[test]
 fn elements_read_as_others_are_reported() {
     let place = directory();

@@ -1,14 +1,17 @@
 //! Keywords without effect, and the reasons why others are refused.
 
 /// Keywords about output or solution methods, or without effect on the displacements of a static analysis.
-pub(super) const PASSED_OVER: [&str; 42] = [
+pub(super) const PASSED_OVER: [&str; 46] = [
     "ASSEMBLY",
     "CONDUCTIVITY",
     "CONTACT CONTROLS",
+    "CONTACT CONTROLS ASSIGNMENT",
     "CONTACT DAMPING",
     "CONTACT FILE",
+    "CONTACT FORMULATION",
     "CONTACT OUTPUT",
     "CONTACT PRINT",
+    "CONTACT STABILIZATION",
     "CONTROLS",
     "DAMPING",
     "EL FILE",
@@ -42,6 +45,7 @@ pub(super) const PASSED_OVER: [&str; 42] = [
     "RESTART",
     "SECTION PRINT",
     "SPECIFIC HEAT",
+    "SURFACE PROPERTY ASSIGNMENT",
     "TIME POINTS",
     "USER OUTPUT VARIABLES",
 ];

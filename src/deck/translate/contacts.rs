@@ -9,6 +9,9 @@ use crate::mesh::abaqus::keyword::key;
 use crate::model::{Axis, Cyclic, Pair};
 use std::array::from_fn;
 
+/// A behavior, with the load steps in which a pair has it, if not in all.
+pub(super) type Law = (Behavior, Option<Vec<f64>>);
+
 impl<const D: usize> Translation<'_, '_, D> {
     pub(super) fn contacts(&mut self) -> Result<()> {
         for tie in &self.said.ties {
@@ -55,14 +58,6 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = "*CONTACT PAIR: the master surface must consist of element faces";
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
-            let by_nodes = self.adds_nodes(&slave);
-            let (friction, factors) = self.friction(interaction);
-            let slope = interaction.stick_slope.filter(|_| friction.is_some());
-            let mut pieces = laws.iter().map(|law| law.0.springs.len());
-            if slope.is_some() && pieces.any(|pieces| pieces > 1) {
-                let text = "*FRICTION: a stick slope cannot be combined with a table of pressures in several pieces";
-                self.refuse(pair.line, "FRICTION", text);
-            }
             let wanted = [&slave.name, &master.name].map(|name| key(name));
             let mut clearances = self.said.clearances.iter();
             let clearance = clearances.find(|one| one.surfaces == wanted);
@@ -85,44 +80,19 @@ impl<const D: usize> Translation<'_, '_, D> {
                     moved = Some(Moved::Set(set));
                 }
             }
-            // Parallel contacts, whose pressures add up, for a table in several pieces.
-            let sliding = laws.iter().filter(|law| !law.0.tied);
-            let springs = sliding.flat_map(|(behavior, active)| {
-                let all = behavior.springs.iter().copied().map(Some);
-                let hard = behavior.springs.is_empty().then_some(None);
-                all.chain(hard).map(move |spring| (spring, active))
-            });
-            for (spring, active) in springs {
-                let begins = spring.map_or(0.0, |spring| spring[1]);
-                let mut contact = Pair::new(&slave.name, &master.name);
-                if by_nodes {
-                    contact = contact.by_nodes();
-                }
-                if let Some(coefficient) = friction {
-                    contact = contact.coulomb(coefficient);
-                    contact = with_factors(contact, factors.clone(), Pair::friction_factors);
-                }
-                contact = with_factors(contact, active.clone(), Pair::active);
-                if let Some([stiffness, _]) = spring {
-                    contact = contact.normal_stiffness(stiffness);
-                }
-                if let Some(slope) = slope {
-                    contact = contact.tangential_stiffness(slope);
-                }
-                contact = match stated.map(|gap| gap + begins) {
-                    Some(gap) if gap >= 0.0 => contact.gap(gap),
-                    Some(gap) => contact.interference(-gap),
-                    None => {
-                        if let Some(Moved::Within(distance)) = moved {
-                            contact = contact.adjust(distance);
-                        }
-                        // Overlaps in the drawing are pressed apart.
-                        contact.offset(begins).overlap_as_interference()
-                    }
-                };
-                self.comes_from(pair.line, "contact");
-                self.definition.pairs.push(contact);
+            let mut contact = Pair::new(&slave.name, &master.name);
+            if self.adds_nodes(&slave) {
+                contact = contact.by_nodes();
             }
+            match (stated, &moved) {
+                // Overlaps in the drawing are pressed apart.
+                (None, Some(Moved::Within(distance))) => {
+                    contact = contact.adjust(*distance).overlap_as_interference();
+                }
+                (None, _) => contact = contact.overlap_as_interference(),
+                (Some(_), _) => {}
+            }
+            self.put_contacts(pair.line, interaction, &laws, &contact, stated);
             self.adjustments.extend(moved.map(|moved| Adjustment {
                 line: pair.line,
                 slave: slave.name,
@@ -142,6 +112,53 @@ impl<const D: usize> Translation<'_, '_, D> {
             }
         }
         Ok(())
+    }
+
+    /// Makes a contact of each part of the laws of an interaction that slide, parallel ones, whose pressures add up, for a table in
+    /// several pieces.
+    pub(super) fn put_contacts(
+        &mut self,
+        line: usize,
+        interaction: &Interaction,
+        laws: &[Law],
+        like: &Pair<D>,
+        stated: Option<f64>,
+    ) {
+        let (friction, factors) = self.friction(interaction);
+        let slope = interaction.stick_slope.filter(|_| friction.is_some());
+        let mut pieces = laws.iter().map(|law| law.0.springs.len());
+        if slope.is_some() && pieces.any(|pieces| pieces > 1) {
+            let text = "*FRICTION: a stick slope cannot be combined with a table of pressures in several pieces";
+            self.refuse(line, "FRICTION", text);
+        }
+        let sliding = laws.iter().filter(|law| !law.0.tied);
+        let springs = sliding.flat_map(|(behavior, active)| {
+            let all = behavior.springs.iter().copied().map(Some);
+            let hard = behavior.springs.is_empty().then_some(None);
+            all.chain(hard).map(move |spring| (spring, active))
+        });
+        for (spring, active) in springs {
+            let begins = spring.map_or(0.0, |spring| spring[1]);
+            let mut contact = like.clone();
+            if let Some(coefficient) = friction {
+                contact = contact.coulomb(coefficient);
+                contact = with_factors(contact, factors.clone(), Pair::friction_factors);
+            }
+            contact = with_factors(contact, active.clone(), Pair::active);
+            if let Some([stiffness, _]) = spring {
+                contact = contact.normal_stiffness(stiffness);
+            }
+            if let Some(slope) = slope {
+                contact = contact.tangential_stiffness(slope);
+            }
+            contact = match stated.map(|gap| gap + begins) {
+                Some(gap) if gap >= 0.0 => contact.gap(gap),
+                Some(gap) => contact.interference(-gap),
+                None => contact.offset(begins),
+            };
+            self.comes_from(line, "contact");
+            self.definition.pairs.push(contact);
+        }
     }
 
     /// Whether a surface becomes a set of nodes: one of nodes that make up faces counts as one of faces.
@@ -176,12 +193,12 @@ impl<const D: usize> Translation<'_, '_, D> {
         steps.contains(&0.0).then_some(steps)
     }
 
-    /// The behaviors of an interaction, each with the load steps in which a pair that is `active` has it, if not in all.
-    fn behaviors(
+    /// The behaviors of an interaction for a pair that is `active` in some load steps.
+    pub(super) fn behaviors(
         &self,
         interaction: &Interaction,
         active: Option<Vec<f64>>,
-    ) -> Vec<(Behavior, Option<Vec<f64>>)> {
+    ) -> Vec<Law> {
         let changes = self.said.behavior_changes.iter();
         let changes = changes
             .filter(|change| self.said.interactions[change.interaction].name == interaction.name);

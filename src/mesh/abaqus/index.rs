@@ -10,7 +10,7 @@ use crate::mesh::AnyMesh;
 use crate::mesh::file::build::build;
 use crate::mesh::file::raw::Cell;
 use crate::mesh::file::{self, Failure, FileError};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::Path;
 
 /// A line of the text, from 1, and its fault.
@@ -327,20 +327,37 @@ impl Index<'_> {
         self.is_solid
     }
 
+    /// The faces of the outside, of which only some may count, by their corners: each with its element and number, in order.
+    fn outside(&self, counts: impl Fn(&[u32]) -> bool) -> Vec<(u32, usize)> {
+        // None: between two elements.
+        let mut faces: HashMap<[u32; 4], Option<(u32, usize)>> = HashMap::new();
+        for element in (0..self.n_elements() as u32).filter(|&e| self.is_of_body(e)) {
+            let numbered = (1..).map_while(|number| Some((number, self.face(element, number)?)));
+            for (number, corners) in numbered.filter(|face| counts(&face.1)) {
+                let mut sorted = [u32::MAX; 4];
+                sorted[..corners.len()].copy_from_slice(&corners);
+                sorted.sort_unstable();
+                let twice = |face: &mut Option<_>| *face = None;
+                (faces.entry(sorted).and_modify(twice)).or_insert(Some((element, number)));
+            }
+        }
+        let mut outside: Vec<(u32, usize)> = faces.into_values().flatten().collect();
+        outside.sort_unstable();
+        outside
+    }
+
+    /// Makes all of the outside a boundary.
+    pub fn add_outside(&mut self, name: &str) {
+        let faces = self.outside(|_| true);
+        self.add_boundary(name, &faces);
+    }
+
     /// Whether the faces of the outside with all corners in a set have all of its nodes.
     pub fn covers(&self, nodes: &[u32]) -> bool {
         let all: BTreeSet<u32> = nodes.iter().copied().collect();
-        let mut times: HashMap<Vec<u32>, u32> = HashMap::new();
-        for element in (0..self.n_elements() as u32).filter(|&e| self.is_of_body(e)) {
-            for mut corners in (1..).map_while(|number| self.face(element, number)) {
-                if corners.iter().all(|corner| all.contains(corner)) {
-                    corners.sort_unstable();
-                    *times.entry(corners).or_default() += 1;
-                }
-            }
-        }
-        let outside = times.into_iter().filter(|(_, times)| *times == 1);
-        let found: BTreeSet<u32> = outside.flat_map(|(corners, _)| corners).collect();
+        let outside = self.outside(|corners| corners.iter().all(|corner| all.contains(corner)));
+        let corners_of = |(element, number)| self.face(element, number).into_iter().flatten();
+        let found: BTreeSet<u32> = outside.into_iter().flat_map(corners_of).collect();
         let corners = self.corners();
         (all.iter()).all(|node| found.contains(node) || !corners[*node as usize])
     }
@@ -366,6 +383,21 @@ impl Index<'_> {
         nodes.sort_unstable();
         nodes.dedup();
         nodes
+    }
+
+    /// Whether two surfaces, by their names in the mesh, have a face in common.
+    pub fn have_common_face(&self, surfaces: [&str; 2]) -> bool {
+        let [here, there] = surfaces.map(|name| {
+            let tag = self.flat.tags.get(name);
+            let all = self.flat.boundaries.iter();
+            let corners = all.filter(|one| Some(&one.0) == tag).map(|one| {
+                let mut corners = one.1.clone();
+                corners.sort_unstable();
+                corners
+            });
+            corners.collect::<HashSet<Vec<u32>>>()
+        });
+        !here.is_disjoint(&there)
     }
 
     /// Adds a set of nodes to the mesh, unless it already has one of this name with these nodes.
