@@ -181,10 +181,12 @@ class Model:
         y: Quantity | None = None,
         z: Quantity | None = None,
         factors: Sequence[float] | None = None,
+        displaced: bool | None = None,
         **more: Any,
     ) -> Model:
-        """Add forces in N/m³ in a region, or in all of them."""
-        return self.add("body_force", region=region, x=x, y=y, z=z, factors=factors, **more)
+        """Add forces in N/m³ in a region, or in all of them; with large displacements and `displaced`, expressions of where the body is."""
+        components = {"x": x, "y": y, "z": z}
+        return self.add("body_force", region=region, **components, factors=factors, displaced=displaced, **more)
 
     def temperature(
         self,

@@ -67,15 +67,70 @@ where
         force: impl Fn([f64; D], f64) -> [f64; D],
         forces: &mut [[f64; D]],
     ) {
+        self.within(regions, |element, place, shape, weight| {
+            let b = force(place, self.materials[element.region as usize].density);
+            for (&node, shape) in element.nodes().iter().zip(shape) {
+                (0..D).for_each(|c| forces[node as usize][c] += weight * shape * b[c]);
+            }
+        });
+    }
+
+    /// The same where nodes have moved by u and the force depends on where the body is; it is per volume at rest. Adds the
+    /// symmetric part of its change with the displacement to one block for each node, as if the volume around a node moved as
+    /// the node does. Changes are differences over the length `step`.
+    pub(crate) fn add_moved_force(
+        &self,
+        regions: Option<&[u32]>,
+        (u, step): (&[[f64; D]], f64),
+        force: impl Fn([f64; D], f64) -> [f64; D],
+        forces: &mut [[f64; D]],
+        changes: &mut [[[f64; D]; D]],
+    ) {
+        self.within(regions, |element, place, shape, weight| {
+            let density = self.materials[element.region as usize].density;
+            let mut x = place;
+            for (&node, shape) in element.nodes().iter().zip(shape) {
+                (0..D).for_each(|c| x[c] += shape * u[node as usize][c]);
+            }
+            let b = force(x, density);
+            let mut change = [[0.0; D]; D];
+            for k in 0..D {
+                let [behind, before] = [0.5, -0.5].map(|part| {
+                    let mut y = x;
+                    y[k] += part * step;
+                    force(y, density)
+                });
+                for c in 0..D {
+                    let half = 0.5 * (behind[c] - before[c]) / step;
+                    change[c][k] += half;
+                    change[k][c] += half;
+                }
+            }
+            for (&node, shape) in element.nodes().iter().zip(shape) {
+                for c in 0..D {
+                    forces[node as usize][c] += weight * shape * b[c];
+                    (0..D).for_each(|k| {
+                        changes[node as usize][c][k] += weight * shape * change[c][k]
+                    });
+                }
+            }
+        });
+    }
+
+    /// Passes the integration points of the elements of some regions (None: all), each with its place, shape functions and
+    /// weight, which includes the depth of the body.
+    fn within(
+        &self,
+        regions: Option<&[u32]>,
+        mut take: impl FnMut(&mesh::Element<D>, [f64; D], &[f64], f64),
+    ) {
         for element in &self.mesh.elements {
             if regions.is_none_or(|regions| regions.contains(&element.region)) {
-                let body_force = BodyForce {
+                element.kind().with(Points {
                     body: self,
                     element,
-                    force: &force,
-                    forces: &mut *forces,
-                };
-                element.kind().with(body_force);
+                    take: &mut take,
+                });
             }
         }
     }
@@ -160,18 +215,18 @@ where
     }
 }
 
-/// Adds the body force in an element.
-struct BodyForce<'a, const D: usize, F>
+/// Passes the integration points of an element.
+struct Points<'a, F, const D: usize>
 where
     ElementKind: Topology<D>,
 {
     body: &'a Body<'a, D>,
     element: &'a mesh::Element<D>,
-    force: &'a F,
-    forces: &'a mut [[f64; D]],
+    take: &'a mut F,
 }
 
-impl<const D: usize, F: Fn([f64; D], f64) -> [f64; D]> Visit<D> for BodyForce<'_, D, F>
+impl<F: FnMut(&mesh::Element<D>, [f64; D], &[f64], f64), const D: usize> Visit<D>
+    for Points<'_, F, D>
 where
     ElementKind: Topology<D>,
 {
@@ -179,16 +234,10 @@ where
 
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) {
         let x: [_; N] = self.body.mesh.coordinates(self.element);
-        let density = self.body.materials[self.element.region as usize].density;
         for point in E::load_points(&x) {
             let place = point.place(&x);
-            let b = (self.force)(place, density);
             let depth = self.body.depth_of(self.element.region).at(place);
-            for (&node, shape) in self.element.nodes().iter().zip(point.shape) {
-                for c in 0..D {
-                    self.forces[node as usize][c] += depth * point.weight * shape * b[c];
-                }
-            }
+            (self.take)(self.element, place, &point.shape, depth * point.weight);
         }
     }
 }

@@ -747,9 +747,19 @@ pub struct BodyForce<const D: usize = 2> {
     #[serde(default, deserialize_with = "stated::z")]
     pub(super) z: Option<Quantity<D>>,
     pub(super) factors: Option<Vec<f64>>,
+    /// Whether it is that of where the body is, where displacements are large.
+    #[serde(default, skip_serializing_if = "stated::is_default")]
+    pub(super) displaced: bool,
 }
 
 impl<const D: usize> BodyForce<D> {
+    /// Where displacements are large: its components are functions of where the body is, instead of where it was at rest. It
+    /// stays a force per volume at rest.
+    pub fn displaced(mut self) -> Self {
+        self.displaced = true;
+        self
+    }
+
     /// In all regions.
     pub fn everywhere() -> Self {
         Self::default()
@@ -784,8 +794,12 @@ impl<const D: usize> Part for BodyForce<D> {
             2 => "a body force needs x or y",
             _ => "a body force needs x, y or z",
         };
-        let stated = self.components().iter().any(Option::is_some);
-        (!stated).then(|| text.into())
+        let mut stated = self.components().into_iter().flatten();
+        if self.displaced && stated.clone().any(|one| one.nodal().is_some()) {
+            let text = "values at nodes move with these: leave out displaced";
+            return Some(Flaw::of("displaced", text));
+        }
+        stated.next().is_none().then(|| text.into())
     }
 }
 

@@ -46,6 +46,7 @@ const SMALL: [EntityKind; 5] = [
 
 /// Loads, supports and obstacles at a time.
 pub(crate) struct Moment<const D: usize> {
+    time: f64,
     /// The common load factor.
     pub factor: f64,
     /// The prescribed displacements.
@@ -176,6 +177,10 @@ where
             let text = format!("rotate {LARGE}");
             return Err(self.supports[i].entity(i).at("rotate").error(text));
         }
+        if let Some(i) = self.body_forces.iter().position(|force| force.displaced) {
+            let text = format!("displaced {LARGE}");
+            return Err(self.body_forces[i].entity(i).at("displaced").error(text));
+        }
         match self.pairs.iter().position(|pair| pair.motion.is_some()) {
             Some(i) => {
                 let text = format!("the motion of an obstacle {LARGE}");
@@ -219,10 +224,6 @@ where
                 "{several} need geometry = \"small\": where displacements are large they are not known yet"
             )));
         }
-        if self.analysis.rotation.is_some() {
-            return Err(Entity::all(EntityKind::Rotation)
-                .error("centrifugal forces need geometry = \"small\": where displacements are large they are not known yet"));
-        }
         let modes = |material: &Material| material.incompatible_modes;
         if let Some(i) = materials.iter().position(modes) {
             let number = i.min(self.materials.len() - 1);
@@ -255,6 +256,7 @@ where
         let body = self.body();
         let own = |factors: &Option<Vec<f64>>| definition.factor(factors, time);
         Ok(Moment {
+            time,
             factor: self.factor(time),
             unknowns: definition.unknowns(&self.mesh, &self.prescriptions, time)?,
             dead: definition.forces(&body, time)?,
@@ -391,6 +393,28 @@ where
         Ok(())
     }
 
+    /// The forces in the volume that depend on where the bodies are, and the symmetric part of their tangent.
+    fn moved_volumes(
+        &self,
+        at: &Moment<D>,
+        u: &[[f64; D]],
+        forces: &mut [[f64; D]],
+        blocks: &mut Vec<Block<D>>,
+    ) -> Result<(), ModelError> {
+        if !self.definition.has_moved_forces() {
+            return Ok(());
+        }
+        let mut changes = vec![[[0.0; D]; D]; u.len()];
+        (self.definition).add_moved_forces(&self.body(), at.time, u, forces, &mut changes)?;
+        let blocks_of = (0..)
+            .zip(changes)
+            .filter(|(_, block)| *block != [[0.0; D]; D]);
+        blocks.extend(
+            blocks_of.map(|(node, block)| ([node; 2], block.map(|row| row.map(|v: f64| -v)))),
+        );
+        Ok(())
+    }
+
     /// The contact problem of bodies that have moved by u and press with these forces, on the way from one end of a
     /// load step to the next. With `first`, obstacles are where they were, and their motion belongs to the remaining
     /// displacement.
@@ -414,6 +438,7 @@ where
         let resistance = deformed.resistance();
         let (mut outer, mut turning) = (to.dead.clone(), Vec::new());
         self.pressures(to, u, &mut outer, &mut turning)?;
+        self.moved_volumes(to, u, &mut outer, &mut turning)?;
 
         let moved = self.moved(u);
         let met = self.meeting(&moved, before, [from, to], now, first)?;
@@ -485,8 +510,8 @@ where
             lambda[r] = dot(touch.force, place.frame[0]);
             for (a, tangent) in place.frame[1..].iter().enumerate() {
                 let at = (D - 1) * r + a;
-                // Without friction a force along the tangents is rounding of the turn.
-                if place.slip_bound.is_any() {
+                // Without friction, or where supports take the place of it, a force along the tangents is rounding of the turn.
+                if place.slip_bound.is_any() && !contact.keeps_from_sliding(r) {
                     lambda[rows + at] = dot(touch.force, *tangent);
                 }
                 slips[at] = dot(touch.slip, *tangent);

@@ -5,7 +5,7 @@ use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::{Changes, Definition, Driven, Elastic, Quantity};
 use crate::contact::Space;
 use crate::elasticity::{Body, Unknowns, load_vector};
-use crate::mesh::vector::dot;
+use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{BoundaryError, ElementKind, Facet, Location, Mesh, Topology, facet_nodes};
 use crate::problem::{LARGEST, SIZES, is_sized};
 use crate::quasistatic::Load;
@@ -277,9 +277,71 @@ where
         Ok(())
     }
 
-    /// The nodal forces of a step.
+    /// The centrifugal force per volume, from a place and the density.
+    fn centrifugal(&self, time: f64) -> impl Fn([f64; D], f64) -> [f64; D] {
+        let speed = (self.analysis.rotation.as_ref()).map_or(0.0, |rotation| rotation.speed);
+        let square = self.factor(&None, time) * speed * speed;
+        move |x, density| self.arm(x).map(|arm| square * density * arm)
+    }
+
+    /// Whether there are forces in the volume that depend on where bodies are.
+    pub(super) fn has_moved_forces(&self) -> bool {
+        self.is_large()
+            && (self.analysis.rotation.is_some() || self.body_forces.iter().any(|b| b.displaced))
+    }
+
+    /// Adds these at displacements u, and the symmetric part of their change with these to a block for each node.
+    pub(super) fn add_moved_forces(
+        &self,
+        body: &Body<D>,
+        time: f64,
+        u: &[[f64; D]],
+        forces: &mut [[f64; D]],
+        changes: &mut [[[f64; D]; D]],
+    ) -> Result<(), ModelError> {
+        /// The length of differences, in the size of the mesh: those of centrifugal forces are exact.
+        const STEP: f64 = 1e-4;
+        let (low, high) = body.mesh.bounding_box();
+        let at = (u, STEP * length(minus(high, low)));
+        for (number, b) in self
+            .body_forces
+            .iter()
+            .enumerate()
+            .filter(|one| one.1.displaced)
+        {
+            let at_fault = |fault: Fault| b.entity(number).error(fault);
+            let regions = match &b.region {
+                Some(name) => Some(region(body.mesh, name).map_err(at_fault)?),
+                None => None,
+            };
+            let factor = self.factor(&b.factors, time);
+            let force = |x, _| {
+                b.components()
+                    .map(|component| factor * self::at(component, x))
+            };
+            body.add_moved_force(regions, at, force, forces, changes);
+        }
+        if self.analysis.rotation.is_some() {
+            body.add_moved_force(None, at, self.centrifugal(time), forces, changes);
+        }
+        match forces
+            .iter()
+            .zip(u)
+            .find(|one| !one.0.iter().all(|v| v.is_finite()))
+        {
+            None => Ok(()),
+            Some((_, u)) => Err(Entity::all(EntityKind::BodyForce).error(format!(
+                "a force has no finite value where a node has moved by {}",
+                Location::from(*u)
+            ))),
+        }
+    }
+
+    /// The nodal forces of a step, without those in the volume that depend on where bodies are.
     pub(super) fn forces(&self, body: &Body<D>, time: f64) -> Result<Vec<[f64; D]>, ModelError> {
         let mut forces = vec![[0.0; D]; body.mesh.nodes.len()];
+        // Those, at rest.
+        let mut moved = forces.clone();
         let finite = |forces: &[[f64; D]], places: &[[f64; D]], what: &str| {
             let bad = |f: &[f64; D]| f.iter().find(|v| !(v.abs() <= LARGEST)).copied();
             let found = (forces.iter().zip(places)).find_map(|(f, x)| Some((bad(f)?, x)));
@@ -325,9 +387,10 @@ where
                 let components = b.components();
                 components.map(|component| factor * at(component, x))
             };
-            body.add_body_force(regions, force, &mut forces);
-            finite(&forces, places, "body force").map_err(at_fault)?;
-            note(&forces, b.entity(number));
+            let sum = if b.displaced { &mut moved } else { &mut forces };
+            body.add_body_force(regions, force, sum);
+            finite(sum, places, "body force").map_err(at_fault)?;
+            note(sum, b.entity(number));
         }
         for (number, f) in self.forces.iter().enumerate() {
             let at_fault = |fault: Fault| f.entity(number).error(fault);
@@ -352,16 +415,19 @@ where
             finite(&forces, places, "thermal expansion").map_err(at_fault)?;
             note(&forces, first.entity(0));
         }
-        if let Some(rotation) = self.analysis.rotation.as_ref().filter(|_| !self.is_large()) {
+        if self.analysis.rotation.is_some() {
             let all = || Entity::all(EntityKind::Rotation);
             if body.materials.iter().all(|m| m.density == 0.0) {
                 return Err(all().error("there is a rotation, but no material has a density"));
             }
-            let square = self.factor(&None, time) * rotation.speed * rotation.speed;
-            let force = |x, density| self.arm(x).map(|arm| square * density * arm);
-            body.add_body_force(None, force, &mut forces);
-            finite(&forces, places, "rotation").map_err(|fault| all().error(fault))?;
-            note(&forces, all());
+            let sum = if self.is_large() {
+                &mut moved
+            } else {
+                &mut forces
+            };
+            body.add_body_force(None, self.centrifugal(time), sum);
+            finite(sum, places, "rotation").map_err(|fault| all().error(fault))?;
+            note(sum, all());
         }
         if let Some(g) = self.analysis.gravity {
             if body.materials.iter().all(|m| m.density == 0.0) {
@@ -375,7 +441,7 @@ where
             finite(&forces, places, "gravity").map_err(|fault| all().error(fault))?;
             note(&forces, all());
         }
-        let largest = norm_max(forces.as_flattened());
+        let largest = norm_max(forces.as_flattened()).max(norm_max(moved.as_flattened()));
         match acting {
             Some(entity) if !is_sized(largest) => Err(entity.error(format!(
                 "the largest nodal force of load step {} is {largest:e}: {SIZES}",

@@ -100,6 +100,26 @@ fn a_contact_pair_may_have_one_surface() {
     }
 }
 
+/// The force of a rotation is that of where the bodies are.
+#[test]
+fn a_rotation_follows_large_displacements() {
+    let place = directory();
+    let rotating = PRESSED
+        .replace("*ELASTIC", "*DENSITY\n1.\n*ELASTIC")
+        .replace("*CLOAD", "*DLOAD\nEup,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n*CLOAD");
+    for (deck, displaced) in [
+        (rotating.clone(), false),
+        (rotating.replace("*STEP\n", "*STEP,NLGEOM\n"), true),
+    ] {
+        write(&place.path().join("blocks.inp"), &deck);
+        solved(place.path(), &["convert", "blocks.inp", "case.toml"]);
+        let case = read(&place.path().join("case.toml"));
+        assert!(case.contains("[[body_force]]"), "{case}");
+        assert_eq!(case.contains("displaced = true"), displaced, "{case}");
+        solved(place.path(), &["solve", "case.toml"]);
+    }
+}
+
 /// General contact: all of the outside, with properties of its own for two surfaces, without what is excluded.
 #[test]
 fn general_contact_has_no_list_of_pairs() {

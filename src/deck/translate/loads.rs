@@ -180,6 +180,9 @@ impl<const D: usize> Translation<'_, '_, D> {
                 .fold(BodyForce::within(&region), |force, (axis, value)| {
                     force.along(axis, value)
                 });
+            // The force of a rotation is that of where the body is.
+            let follows = bits[0] == 1 && self.said.large.is_some();
+            let force = if follows { force.displaced() } else { force };
             self.comes_from(line, "body_force");
             let force = with_factors(force, factors.clone(), BodyForce::factors);
             self.definition.body_forces.push(force);

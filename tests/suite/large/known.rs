@@ -6,7 +6,7 @@ use signorini::elasticity::Material;
 use signorini::engine::Stiffness::Cholesky;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{ElementKind, Mesh, Topology};
-use signorini::model::{Model, Motion, Pair, Support, Traction};
+use signorini::model::{Axis, BodyForce, Model, Motion, Pair, Support, Traction};
 use signorini::ssnm::Status;
 
 const LENGTH: f64 = 10.0;
@@ -40,6 +40,72 @@ fn assert_quick<const D: usize>(ends: &[End<D>], most: f64) {
     let all: usize = ends.iter().map(|end| end.iterations).sum();
     let mean = all as f64 / ends.len() as f64;
     assert!(mean <= most, "{mean} iterations a load step");
+}
+
+/// A bar that rotates about one of its ends: its stretch λ with E λ (λ² − 1)/2 from ρ ω² x of all that is farther out, by steps
+/// along the bar. By a rotation, and by a body force that is stated to be that of where the bar is.
+#[test]
+fn a_rotating_bar_is_stretched() {
+    let square: f64 = 0.6;
+    // The forces along the bar for the stretch at the axis, and the place of its end: by the classical Runge-Kutta method.
+    let end_of = |first: f64| {
+        let stretch = |force: f64| {
+            let mut s: f64 = 1.2;
+            for _ in 0..50 {
+                s -= (0.5 * s * (s * s - 1.0) - force) / (0.5 * (3.0 * s * s - 1.0));
+            }
+            s
+        };
+        let (n, mut x, mut force) = (1000, 0.0, 0.5 * first * (first * first - 1.0));
+        let h = 1.0 / f64::from(n);
+        let slopes = |x: f64, force: f64| [stretch(force), -square * x];
+        for _ in 0..n {
+            let a = slopes(x, force);
+            let b = slopes(x + 0.5 * h * a[0], force + 0.5 * h * a[1]);
+            let c = slopes(x + 0.5 * h * b[0], force + 0.5 * h * b[1]);
+            let d = slopes(x + h * c[0], force + h * c[1]);
+            x += h / 6.0 * (a[0] + 2.0 * b[0] + 2.0 * c[0] + d[0]);
+            force += h / 6.0 * (a[1] + 2.0 * b[1] + 2.0 * c[1] + d[1]);
+        }
+        (x, force)
+    };
+    let (mut low, mut high) = (1.0, 2.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        match end_of(middle).1 > 0.0 {
+            true => high = middle,
+            false => low = middle,
+        }
+    }
+    let end = end_of(low).0;
+    assert!(end > 1.15, "{end}");
+    let mesh = rectangle(
+        [0.0, -0.01],
+        [1.0, 0.02],
+        [16, 1],
+        CellShape::Quad,
+        "bar",
+        "",
+    );
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    let material = Material {
+        density: 1.0,
+        ..Material::new(1.0, 0.0)
+    };
+    let bar = Model::on(mesh.clone())
+        .material(material)
+        .support(Support::on("left").x(0.0))
+        .support(Support::on(["top", "bottom"]).y(0.0))
+        .contact(far("right", [1.0, 0.0]))
+        .large_displacements();
+    let stated = BodyForce::everywhere().x(move |x: [f64; 2]| square * x[0]);
+    let rotating = bar.clone().rotation(Axis::at([0.0; 2]), square.sqrt());
+    for model in [rotating, bar.body_force(stated.displaced())] {
+        let ends = solved(model, 1e-10, Cholesky);
+        assert_quick(&ends, 8.0);
+        let u = ends[0].displacement[node_at(&mesh, [1.0, 0.01])];
+        assert!((1.0 + u[0] - end).abs() < 1e-6, "{} {end}", 1.0 + u[0]);
+    }
 }
 
 /// The tip of a cantilever under a dead force: the elastica (Mattiasson, Numerical results from large deflection beam and frame
