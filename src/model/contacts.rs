@@ -341,6 +341,9 @@ where
                 known.for_each(|&k| excluded[k].push((number, side)));
             }
         }
+        if excluded.iter().all(Vec::is_empty) {
+            excluded.clear();
+        }
         Ok(excluded)
     }
 
