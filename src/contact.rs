@@ -17,6 +17,7 @@ mod transformed;
 
 pub(crate) use crossing::crosses_itself;
 pub use equal::equal_nodes;
+pub(crate) use mortar::are_excluded;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
@@ -182,7 +183,7 @@ where
 
     /// Whether a gap may be negative.
     fn may_overlap(&self) -> bool {
-        self.interference.is_some() || self.overlap || self.rest.is_some()
+        self.interference.is_some() || self.overlap || self.touching || self.rest.is_some()
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror

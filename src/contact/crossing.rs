@@ -84,21 +84,21 @@ pub(crate) fn crosses_itself<const D: usize>(
     [rest, moved]: [&Mesh<D>; 2],
     facets: &[Facet<D>],
     depth: f64,
-    seen: impl Fn([&Facet<D>; 2]) -> bool + Sync,
+    seen: impl Fn([usize; 2]) -> bool + Sync,
 ) -> bool
 where
     ElementKind: Topology<D>,
 {
     let search = Search::new(moved, facets);
     let axes = from_fn(|a| from_fn(|c| f64::from(u8::from(a == c))));
-    facets.par_iter().any(|one| {
+    facets.par_iter().enumerate().any(|(number, one)| {
         let nodes = facet_nodes(one);
         let (places, len) = moved.places_of(one);
         let mut near = search.near(Beam::around(axes, places[..len].iter().copied(), [0.0; D]));
-        near.any(|(_, other)| {
+        near.any(|(number_of_other, other)| {
             let apart = !facet_nodes(&other).iter().any(|node| nodes.contains(node));
             apart
-                && !seen([one, &other])
+                && !seen([number, number_of_other])
                 && pierces(moved, one, &other, depth)
                 && !pierces(rest, one, &other, 0.0)
         })

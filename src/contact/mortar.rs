@@ -58,6 +58,7 @@ use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Topology, bounds, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
+pub(crate) use itself::are_excluded;
 use itself::{Behind, SHALLOW};
 pub use itself::{Excluded, Itself, Wall, walls};
 use places::Places;
@@ -451,12 +452,17 @@ where
             let Some(behind) = behind() else {
                 return made;
             };
+            let before = near.clone();
             // The sides overlap by more than a facet, or nothing is opposite: what is beyond a wall is something else.
             if made.deepest > size {
                 behind.limit([&first, second], number, &mut near, distance);
             }
             behind.leave_out(&slave, &facets[number], &mut near, distance);
-            integrate(&slave, nodes, &near, distance, rounding, options)
+            let mut each = before.iter().zip(&near);
+            match each.any(|(before, now)| now.deepest < before.deepest) {
+                true => integrate(&slave, nodes, &near, distance, rounding, options),
+                false => made,
+            }
         })
         .collect();
     if let Some(worst) = shares

@@ -95,13 +95,13 @@ where
             let b = force(x, density);
             let mut change = [[0.0; D]; D];
             for k in 0..D {
-                let [behind, before] = [0.5, -0.5].map(|part| {
+                let [ahead, back] = [0.5, -0.5].map(|part| {
                     let mut y = x;
                     y[k] += part * step;
                     force(y, density)
                 });
                 for c in 0..D {
-                    let half = 0.5 * (behind[c] - before[c]) / step;
+                    let half = 0.5 * (ahead[c] - back[c]) / step;
                     change[c][k] += half;
                     change[k][c] += half;
                 }

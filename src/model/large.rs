@@ -119,7 +119,8 @@ impl LooseBody {
 /// How a tangent that is not definite is helped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Help {
-    /// Whether pressures and contact forces that turn with their surface have a part in it.
+    /// Whether pressures and contact forces that turn with their surface have a part in it, and forces in the volume that depend on
+    /// where bodies are.
     pub turning: bool,
     /// The stiffness of closed contact with obstacles, over the mean diagonal of K: the solution stays the same, as the gap is zero there.
     pub held: f64,
@@ -243,6 +244,11 @@ where
     pub(crate) fn has_pressures(&self) -> bool {
         let mut tractions = self.definition.tractions.iter();
         tractions.any(|traction| traction.pressure.is_some())
+    }
+
+    /// Whether there are forces in the volume that depend on where bodies are.
+    pub(crate) fn has_moved_forces(&self) -> bool {
+        self.definition.has_moved_forces()
     }
 
     /// The common load factor at a time: 1 is the end of the first load step.
@@ -401,7 +407,7 @@ where
         forces: &mut [[f64; D]],
         blocks: &mut Vec<Block<D>>,
     ) -> Result<(), ModelError> {
-        if !self.definition.has_moved_forces() {
+        if !self.has_moved_forces() {
             return Ok(());
         }
         let mut changes = vec![[[0.0; D]; D]; u.len()];

@@ -330,10 +330,15 @@ where
             .find(|one| !one.0.iter().all(|v| v.is_finite()))
         {
             None => Ok(()),
-            Some((_, u)) => Err(Entity::all(EntityKind::BodyForce).error(format!(
-                "a force has no finite value where a node has moved by {}",
-                Location::from(*u)
-            ))),
+            Some((_, u)) => {
+                let number = self.body_forces.iter().position(|b| b.displaced);
+                let of_force = |number: usize| self.body_forces[number].entity(number);
+                let entity = number.map_or_else(|| Entity::all(EntityKind::Rotation), of_force);
+                Err(entity.error(format!(
+                    "a force has no finite value where a node has moved by {}",
+                    Location::from(*u)
+                )))
+            }
         }
     }
 

@@ -32,6 +32,12 @@ pub struct Itself<'a, const D: usize> {
 /// The number of an exclusion, and one of its two sides: facets of either do not meet those of the other.
 pub type Excluded = (u32, bool);
 
+/// Whether two facets are on the two sides of an exclusion; `all` has those of each facet, or nothing.
+pub(crate) fn are_excluded(all: &[Vec<Excluded>], facets: [usize; 2]) -> bool {
+    let [a, b] = facets.map(|k| all.get(k).map_or(&[][..], Vec::as_slice));
+    a.iter().any(|(number, side)| b.contains(&(*number, !side)))
+}
+
 /// The body behind a facet, at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall<const D: usize> {
@@ -83,17 +89,11 @@ impl<const D: usize> Itself<'_, D> {
             let across = &self.walls[other.number];
             other.deepest = DEEPEST * wall.thickness.min(across.thickness);
             other.is_first = true;
-            other.hides = self.excludes(number, other.number);
+            other.hides = are_excluded(self.excluded, [number, other.number]);
             !wall.ends_at(across)
                 && !across.ends_at(wall)
                 && !other.nodes().iter().any(|node| own.contains(node))
         });
-    }
-
-    /// Whether two facets are on both sides of an exclusion.
-    fn excludes(&self, a: usize, b: usize) -> bool {
-        let [a, b] = [a, b].map(|k| self.excluded.get(k).map_or(&[][..], Vec::as_slice));
-        a.iter().any(|(number, side)| b.contains(&(*number, !side)))
     }
 
     /// Whether each facet of a boundary carries multipliers, and with which others its overlaps end sooner than their walls: these,

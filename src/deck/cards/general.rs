@@ -61,10 +61,16 @@ impl<'a> Said<'a> {
                     self.refuse(k.line, "INTERFERENCE FIT", text);
                 }
                 let above = k.option("SEARCH ABOVE").map(|text| value(k.line, text));
+                let pressed = k.option("INTERFERENCE FIT").is_some();
                 self.initializations.push(Initialization {
                     name: k.option("NAME").map(key).unwrap_or_default(),
-                    pressed: k.option("INTERFERENCE FIT").is_some(),
-                    above: above.transpose()?.unwrap_or_default(),
+                    pressed,
+                    // Overlaps up to the same distance would be closed as well.
+                    above: if pressed {
+                        0.0
+                    } else {
+                        above.transpose()?.unwrap_or_default()
+                    },
                 });
             }
         }

@@ -1,7 +1,7 @@
 //! General contact: all of the outside, and surfaces that may meet.
 
 use super::{Result, Translation};
-use crate::deck::said::{General, GeneralCard, Initialization, Interaction};
+use crate::deck::said::{General, GeneralCard, Initialization, Interaction, PairCard};
 use crate::mesh::abaqus::keyword::key;
 use crate::model::Pair;
 
@@ -42,14 +42,27 @@ impl<'a, const D: usize> Translation<'a, '_, D> {
             let text = "*CONTACT: no *CONTACT INCLUSIONS belongs to it, such as ALL EXTERIOR";
             return Err((line, text.to_owned()));
         }
-        // Surfaces with an interaction or an initialization of their own are contacts of their own.
+        for (line, [a, b]) in &included {
+            if a.is_empty() != b.is_empty() {
+                let text = "an inclusion of one surface and all others is not supported: name both surfaces";
+                self.refuse(*line, "CONTACT", text);
+            }
+        }
+        let has_all = included.iter().any(|one| one.1 == ["", ""]);
+        // Surfaces with an interaction or an initialization of their own are contacts of their own. Those of a *CONTACT PAIR are its.
         for card in &said.general {
             let is_new = !included.iter().any(|one| are_same(&one.1, &card.sides));
             let assigns = matches!(
                 card.what,
                 General::Interaction(_) | General::Initialization(_)
             );
-            if !is_new || !assigns || card.sides == ["", ""] {
+            let is_pair = |pair: &PairCard| are_same(&[pair.slave, pair.master], &card.sides);
+            if !is_new || !assigns || card.sides == ["", ""] || said.pairs.iter().any(is_pair) {
+                continue;
+            }
+            if !has_all {
+                let text = "an assignment to surfaces that no *CONTACT INCLUSIONS names: name the same ones in both";
+                self.refuse(card.line, "CONTACT", text);
                 continue;
             }
             if card.sides.contains(&"") {

@@ -14,8 +14,8 @@ use super::super::error::{Fault, ModelError};
 use super::super::motion::Moved;
 use super::{Deformation, Moment};
 use crate::contact::{
-    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, crosses_itself,
-    frame, node_contact,
+    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, are_excluded,
+    crosses_itself, frame, node_contact,
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
@@ -449,9 +449,13 @@ where
                     .iter()
                     .flat_map(|touch| touch.place.sides(0));
                 let met: BTreeSet<u32> = met.flatten().map(|entry| entry.0).collect();
-                let takes_part =
-                    |facet: &Facet<D>| facet_nodes(facet).iter().any(|node| met.contains(node));
-                let seen = |pair: [&Facet<D>; 2]| pair.into_iter().all(takes_part);
+                let takes_part = |k: usize| {
+                    let nodes = facet_nodes(&data.facets[k]);
+                    nodes.iter().any(|node| met.contains(node))
+                };
+                let seen = |pair: [usize; 2]| {
+                    pair.into_iter().all(takes_part) || are_excluded(&data.excluded, pair)
+                };
                 if crosses_itself(
                     [&self.mesh, &moved],
                     &data.facets,

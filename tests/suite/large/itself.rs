@@ -182,6 +182,38 @@ fn what_is_excluded_does_not_meet() {
     }
 }
 
+/// A block is drawn through the side of another one, where these are excluded.
+#[test]
+fn excluded_sides_may_cross() {
+    let low = rectangle(
+        [0.0, 0.0],
+        [1.0, 0.5],
+        [7, 4],
+        CellShape::Quad,
+        "low",
+        "low-",
+    );
+    let up = rectangle([1.1, 0.2], [0.5, 0.6], [5, 6], CellShape::Quad, "up", "up-");
+    let n_low = low.nodes.len();
+    let mesh = join(low, up);
+    let of_block =
+        |name: &str| ["bottom", "top", "left", "right"].map(|side| format!("{name}-{side}"));
+    let all: Vec<String> = ["low", "up"].into_iter().flat_map(of_block).collect();
+    let contact = Pair::new(all.clone(), all.clone()).exclude(all.clone(), all);
+    let model = Model::on(mesh)
+        .material(neo_hooke(1.0, 0.3))
+        .support(Support::on("low-left").x(0.0).y(0.0))
+        .support(Support::on("up-right").x(-0.3).y(0.0))
+        .contact(contact)
+        .large_displacements();
+    let end = solved(model, 1e-10, Cholesky).remove(0);
+    assert_eq!(end.status, Status::Converged);
+    for (k, u) in end.displacement.iter().enumerate() {
+        let goal = if k < n_low { 0.0 } else { -0.3 };
+        assert!((u[0] - goal).hypot(u[1]) < 1e-8, "{k}: {u:?}");
+    }
+}
+
 /// Overlaps of the drawing that count as touching have no stress, and sides press as if they touched.
 #[test]
 fn overlaps_of_the_drawing_may_count_as_touching() {
