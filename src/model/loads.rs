@@ -277,6 +277,24 @@ where
         Ok(())
     }
 
+    /// The regions of a body force; None: all.
+    fn regions_of<'m>(
+        &self,
+        number: usize,
+        mesh: &'m Mesh<D>,
+    ) -> Result<Option<&'m [u32]>, ModelError> {
+        let force = &self.body_forces[number];
+        let found = force.region.as_ref().map(|name| region(mesh, name));
+        (found.transpose()).map_err(|fault| force.entity(number).error(fault))
+    }
+
+    /// The force of a body force per volume, from a place.
+    fn per_volume(&self, number: usize, time: f64) -> impl Fn([f64; D], f64) -> [f64; D] {
+        let force = &self.body_forces[number];
+        let factor = self.factor(&force.factors, time);
+        move |x, _| (force.components()).map(|component| factor * at(component, x))
+    }
+
     /// The centrifugal force per volume, from a place and the density.
     fn centrifugal(&self, time: f64) -> impl Fn([f64; D], f64) -> [f64; D] {
         let speed = (self.analysis.rotation.as_ref()).map_or(0.0, |rotation| rotation.speed);
@@ -303,22 +321,10 @@ where
         const STEP: f64 = 1e-4;
         let (low, high) = body.mesh.bounding_box();
         let at = (u, STEP * length(minus(high, low)));
-        for (number, b) in self
-            .body_forces
-            .iter()
-            .enumerate()
-            .filter(|one| one.1.displaced)
-        {
-            let at_fault = |fault: Fault| b.entity(number).error(fault);
-            let regions = match &b.region {
-                Some(name) => Some(region(body.mesh, name).map_err(at_fault)?),
-                None => None,
-            };
-            let factor = self.factor(&b.factors, time);
-            let force = |x, _| {
-                b.components()
-                    .map(|component| factor * self::at(component, x))
-            };
+        let forces_of = self.body_forces.iter().enumerate();
+        for (number, _) in forces_of.filter(|one| one.1.displaced) {
+            let regions = self.regions_of(number, body.mesh)?;
+            let force = self.per_volume(number, time);
             body.add_moved_force(regions, at, force, forces, changes);
         }
         if self.analysis.rotation.is_some() {
@@ -382,18 +388,11 @@ where
             note(&forces, t.entity(number));
         }
         for (number, b) in self.body_forces.iter().enumerate() {
-            let at_fault = |fault: Fault| b.entity(number).error(fault);
-            let regions = match &b.region {
-                Some(name) => Some(region(body.mesh, name).map_err(at_fault)?),
-                None => None,
-            };
-            let factor = self.factor(&b.factors, time);
-            let force = |x, _| {
-                let components = b.components();
-                components.map(|component| factor * at(component, x))
-            };
+            let regions = self.regions_of(number, body.mesh)?;
+            let force = self.per_volume(number, time);
             let sum = if b.displaced { &mut moved } else { &mut forces };
             body.add_body_force(regions, force, sum);
+            let at_fault = |fault: Fault| b.entity(number).error(fault);
             finite(sum, places, "body force").map_err(at_fault)?;
             note(sum, b.entity(number));
         }
