@@ -300,7 +300,7 @@ where
             if first || part < 1.0 || !goes_on {
                 anderson.clear();
             }
-            if self.elastic.slides_anywhere() && !first && part == 1.0 {
+            if self.elastic.redirects_forces() && !first && part == 1.0 {
                 match self.accelerated(&mut anderson, &now, &at, &to) {
                     Some((volume, better)) if volume >= PRESSED * least.min(1.0) => {
                         (least, to) = (volume, better);
@@ -379,7 +379,7 @@ where
         // Forces in the volume that depend on where bodies are have an approximate tangent.
         let also_without = self.elastic.has_pressures()
             || self.elastic.has_moved_forces()
-            || self.elastic.slides_anywhere();
+            || self.elastic.redirects_forces();
         let turning = [true, false]
             .into_iter()
             .take(1 + usize::from(also_without));

@@ -3,6 +3,9 @@
 //! Rotations are about the centre of a [`Frame`] and divided by its size, so that their entries are as large as those
 //! of translations, whatever the unit of length.
 
+use crate::dense::symmetric_eigen;
+use faer::Mat;
+
 /// Rigid motions in a space of this many dimensions: 3 in the plane, 6 in space.
 pub(crate) const fn count(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
@@ -64,6 +67,181 @@ impl<const D: usize> Frame<D> {
 /// Euclidean length of a vector of few components.
 pub(crate) fn length(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |length: f64, v| length.hypot(*v))
+}
+
+/// A rotation, of the plane or of space: a unit quaternion, in the plane with its last entry alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rotation<const D: usize> {
+    /// The cosine of half the angle, and the axis times its sine.
+    half: [f64; 4],
+}
+
+impl<const D: usize> Rotation<D> {
+    /// About the axes by a rotation vector: in the plane one number, about z.
+    pub fn by(vector: &[f64]) -> Self {
+        let angle = length(vector);
+        let part = match angle {
+            0.0 => 0.5,
+            angle => (0.5 * angle).sin() / angle,
+        };
+        let mut half = [(0.5 * angle).cos(), 0.0, 0.0, 0.0];
+        let first = half.len() - vector.len();
+        half[first..]
+            .iter_mut()
+            .zip(vector)
+            .for_each(|(h, v)| *h = part * v);
+        Self { half }
+    }
+
+    /// The one that brings arms nearest to others, by least squares: each with its weight, from and to. (Horn, Closed-form solution of
+    /// absolute orientation using unit quaternions, 1987.)
+    pub fn nearest(arms: impl Iterator<Item = (f64, [f64; D], [f64; D])>) -> Self {
+        let mut s = [[0.0; 3]; 3];
+        for (weight, from, to) in arms {
+            for a in 0..D {
+                for b in 0..D {
+                    s[a][b] += weight * from[a] * to[b];
+                }
+            }
+        }
+        if D == 2 {
+            let angle = (s[0][1] - s[1][0]).atan2(s[0][0] + s[1][1]);
+            return Self::by(&[angle]);
+        }
+        let size = s
+            .as_flattened()
+            .iter()
+            .fold(0.0, |most: f64, v| most.max(v.abs()));
+        let turns = |k: usize| {
+            let (a, b) = TURNS[k];
+            s[a][b] - s[b][a]
+        };
+        let trace = s[0][0] + s[1][1] + s[2][2];
+        let matrix = Mat::from_fn(4, 4, |i, j| {
+            let entry = match (i.min(j), i.max(j)) {
+                (0, 0) => trace,
+                (0, k) => turns(k - 1),
+                (a, b) if a == b => 2.0 * s[a - 1][a - 1] - trace,
+                (a, b) => s[a - 1][b - 1] + s[b - 1][a - 1],
+            };
+            entry / size
+        });
+        // A single point has no arms.
+        let half = match symmetric_eigen(&matrix) {
+            Some((_, vectors)) => std::array::from_fn(|i| vectors[(i, 3)]),
+            None => [1.0, 0.0, 0.0, 0.0],
+        };
+        Self { half }.shorter()
+    }
+
+    /// The same, by the shorter way.
+    fn shorter(self) -> Self {
+        match self.half[0] < 0.0 {
+            true => Self {
+                half: self.half.map(|v| -v),
+            },
+            false => self,
+        }
+    }
+
+    /// v turned.
+    pub fn of(&self, v: [f64; D]) -> [f64; D] {
+        let q = &self.half;
+        let mut space = [0.0; 3];
+        space[..D].copy_from_slice(&v);
+        let cross = |a: [f64; 3], b: [f64; 3]| TURNS.map(|(i, j)| a[i] * b[j] - a[j] * b[i]);
+        let axis = [q[1], q[2], q[3]];
+        let once = cross(axis, space);
+        let twice = cross(axis, once);
+        std::array::from_fn(|c| v[c] + 2.0 * (q[0] * once[c] + twice[c]))
+    }
+
+    /// v turned back.
+    pub fn back(&self, v: [f64; D]) -> [f64; D] {
+        self.inverse().of(v)
+    }
+
+    fn inverse(&self) -> Self {
+        let [w, x, y, z] = self.half;
+        Self {
+            half: [w, -x, -y, -z],
+        }
+    }
+
+    /// The rotation vector from another rotation to this one, by the shorter way.
+    pub fn after_back(&self, other: &Self) -> Vec<f64> {
+        let ([a, b, c, d], [w, x, y, z]) = (self.half, other.inverse().half);
+        let half = [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ];
+        Self { half }.shorter().vector()
+    }
+
+    /// The rotation vector with an angle from 0 to π, or to 2π if it is not the shorter way.
+    fn vector(&self) -> Vec<f64> {
+        let axis = &self.half[4 - (count(D) - D)..];
+        let size = length(axis);
+        let factor = match size {
+            0.0 => 2.0,
+            size => 2.0 * size.atan2(self.half[0]) / size,
+        };
+        axis.iter().map(|v| factor * v).collect()
+    }
+
+    /// Of the rotation vectors that differ by whole rounds, the one nearest to another vector.
+    pub fn vector_near(&self, other: &[f64]) -> Vec<f64> {
+        use std::f64::consts::TAU;
+        let vector = self.shorter().vector();
+        let angle = length(&vector);
+        // After a whole round it has no axis of its own.
+        let (axis, angle) = match angle > 1e-12 {
+            true => (vector.iter().map(|v| v / angle).collect(), angle),
+            false => (unit_or_zero(other), 0.0),
+        };
+        let along: f64 = axis.iter().zip(other).map(|(a, b): (&f64, _)| a * b).sum();
+        let rounds = ((along - angle) / TAU).round();
+        match rounds == 0.0 {
+            true => vector,
+            false => axis.iter().map(|a| (angle + TAU * rounds) * a).collect(),
+        }
+    }
+}
+
+fn unit_or_zero(v: &[f64]) -> Vec<f64> {
+    let size = length(v);
+    v.iter()
+        .map(|v| if size > 0.0 { v / size } else { 0.0 })
+        .collect()
+}
+
+/// T⁻¹ of θ̇ = T⁻¹(θ) ω: how fast a rotation vector changes with a turn about the axes.
+pub(crate) fn of_turns(theta: &[f64]) -> Vec<Vec<f64>> {
+    let n = theta.len();
+    if n == 1 {
+        return vec![vec![1.0]];
+    }
+    let angle = length(theta);
+    let part = match angle < 1e-3 {
+        // (1 − x cot x)/(4x²) at x = angle/2, to 1e-14.
+        true => (1.0 + angle * angle / 60.0) / 12.0,
+        false => (1.0 - 0.5 * angle / (0.5 * angle).tan()) / (angle * angle),
+    };
+    let entry = |i: usize, j: usize| {
+        let cross: f64 = (0..3)
+            .find(|k| TURNS[*k] == (i, j))
+            .map_or(0.0, |k| -theta[k])
+            + (0..3)
+                .find(|k| TURNS[*k] == (j, i))
+                .map_or(0.0, |k| theta[k]);
+        let one = f64::from(u8::from(i == j));
+        one - 0.5 * cross + part * (theta[i] * theta[j] - one * angle * angle)
+    };
+    (0..n)
+        .map(|i| (0..n).map(|j| entry(i, j)).collect())
+        .collect()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::coupling::{Coupling, Kind, MOTIONS};
 use super::driven::{Drive, Term, measured};
 use super::entities::{Names, Part as _, Target};
 use super::error::{EntityKind, Fault, ModelError, listed};
+use super::large::Carried;
 use super::loads::{area_shares, outer_facets};
 use super::pair::Against;
 use super::supports::Way;
@@ -88,10 +89,10 @@ impl<const D: usize> Determined<D> {
         }
     }
 
-    /// Of nodes that move freely, each with its share.
-    fn distributing(shares: &[(u32, f64)], motions: &Motions<D>) -> Self {
+    /// Of nodes that move freely, each with its share. Away from the places of the motions the nodes are deformed: `m` then has the part
+    /// by which their arms have become longer or shorter.
+    fn distributing(shares: &[(u32, f64)], motions: &Motions<D>, mut m: Mat<f64>) -> Self {
         let count = motions.ways.len();
-        let mut m = Mat::<f64>::zeros(count, count);
         for &(node, share) in shares {
             for row in motions.at(node) {
                 for (i, a) in row.iter().enumerate() {
@@ -132,6 +133,10 @@ impl<const D: usize> Determined<D> {
 pub(super) struct Coupled<const D: usize> {
     frame: Frame<D>,
     nodes: Vec<u32>,
+    /// By which the nodes determine the motion of the point where it is large.
+    shares: Vec<(u32, f64)>,
+    /// Whether the nodes move freely.
+    distributes: bool,
     /// The motions that the nodes determine.
     drives: Vec<Drive>,
     /// Each motion, in displacements of nodes.
@@ -168,17 +173,25 @@ where
                 _ => (0..rigid::count(D)).collect(),
             },
         };
-        let found = match (self.kind, target) {
-            (Kind::Rigid, Some(_)) => Determined::rigid(&nodes, &motions, self.free),
+        let alike = |nodes: &[u32]| -> Vec<(u32, f64)> {
+            let share = (nodes.len() as f64).recip();
+            nodes.iter().map(|&node| (node, share)).collect()
+        };
+        let distributing = |motions: &Motions<D>, shares: Vec<(u32, f64)>| {
+            let count = motions.ways.len();
+            let found = Determined::distributing(&shares, motions, Mat::zeros(count, count));
+            (found, shares, true)
+        };
+        let (found, shares, distributes) = match (self.kind, target) {
+            (Kind::Rigid, Some(_)) => {
+                let found = Determined::rigid(&nodes, &motions, self.free);
+                (found, alike(&nodes), false)
+            }
             (Kind::Distributing, Some(Target::Boundary(names))) => {
                 let (shares, _) = area_shares(body, &outer_facets(mesh, names.all())?);
-                Determined::distributing(&shares, &motions)
+                distributing(&motions, shares)
             }
-            _ => {
-                let share = (nodes.len() as f64).recip();
-                let shares: Vec<_> = nodes.iter().map(|&node| (node, share)).collect();
-                Determined::distributing(&shares, &motions)
-            }
+            _ => distributing(&motions, alike(&nodes)),
         };
         let known: Vec<usize> = (0..motions.ways.len())
             .filter(|&k| found.is_known(k))
@@ -218,6 +231,8 @@ where
         Ok(Coupled {
             frame,
             nodes,
+            shares,
+            distributes,
             drives,
             motions: known.iter().map(|&k| found.terms[k].clone()).collect(),
             follow: found.follow,
@@ -370,6 +385,98 @@ where
 }
 
 impl<const D: usize> Coupled<D> {
+    /// The point at rest.
+    pub(super) fn point(&self) -> [f64; D] {
+        self.frame.centre
+    }
+
+    /// The motions that the nodes determine.
+    pub(super) fn drives(&self) -> &[Drive] {
+        &self.drives
+    }
+
+    /// How the nodes have moved as a whole.
+    pub(super) fn carried(&self, rest: &[[f64; D]], now: &[[f64; D]]) -> Carried<D> {
+        Carried::of(&self.shares, rest, now)
+    }
+
+    /// Each motion of the point, along the axes and about them, in displacements of nodes from where they are now.
+    pub(super) fn rows(
+        &self,
+        carried: &Carried<D>,
+        rest: &[[f64; D]],
+        now: &[[f64; D]],
+    ) -> Vec<Vec<Term<D>>> {
+        if self.distributes {
+            let places: Vec<[f64; D]> = rest.iter().map(|x| carried.place(*x)).collect();
+            let frame = Frame {
+                centre: carried.place(self.frame.centre),
+                ..self.frame
+            };
+            let ways: Vec<usize> = self.drives.iter().map(|drive| drive.component).collect();
+            let longer = self.longer(&ways, &frame, &places, now);
+            let motions = Motions {
+                places: &places,
+                frame,
+                ways,
+            };
+            return Determined::distributing(&self.shares, &motions, longer).terms;
+        }
+        // The motions of a rigid set are those at rest, turned.
+        let axes: [[f64; D]; D] =
+            std::array::from_fn(|c| carried.turn.of(Way::<D>::Axis(c).vector()));
+        let turned = |row: &Vec<Term<D>>| -> Vec<Term<D>> {
+            let terms = row.iter().map(|(node, way)| (*node, carried.turn.of(*way)));
+            terms.collect()
+        };
+        let local: Vec<Vec<Term<D>>> = self.motions.iter().map(turned).collect();
+        let row = |drive: &Drive| -> Vec<Term<D>> {
+            let (first, c) = match drive.component.checked_sub(D) {
+                None => (0, drive.component),
+                Some(_) if D == 2 => return local[drive.component].clone(),
+                Some(about) => (D, about),
+            };
+            let parts = axes.iter().map(|axis| axis[c]).zip(&local[first..]);
+            let terms = parts.flat_map(|(part, row)| {
+                row.iter()
+                    .map(move |(node, way)| (*node, way.map(|v| part * v)))
+            });
+            terms.collect()
+        };
+        self.drives.iter().map(row).collect()
+    }
+
+    /// The second derivatives of half the squared distances by turns, as far as nodes are away from their places.
+    fn longer(
+        &self,
+        ways: &[usize],
+        frame: &Frame<D>,
+        places: &[[f64; D]],
+        now: &[[f64; D]],
+    ) -> Mat<f64> {
+        let mut sum = [[0.0; D]; D];
+        for &(node, share) in &self.shares {
+            let at = node as usize;
+            let (off, arm) = (minus(now[at], places[at]), minus(places[at], frame.centre));
+            for i in 0..D {
+                for j in 0..D {
+                    sum[i][j] += share * off[i] * arm[j] / (frame.size * frame.size);
+                }
+            }
+        }
+        let trace: f64 = (0..D).map(|c| sum[c][c]).sum();
+        Mat::from_fn(ways.len(), ways.len(), |k, l| {
+            match (ways[k].checked_sub(D), ways[l].checked_sub(D)) {
+                (Some(_), Some(_)) if D == 2 => trace,
+                (Some(i), Some(j)) => {
+                    let one = f64::from(u8::from(i == j));
+                    one * trace - 0.5 * (sum[i][j] + sum[j][i])
+                }
+                _ => 0.0,
+            }
+        })
+    }
+
     /// Lets the obstacle at a contact place move with the point. Along a tangent along which neither the node nor the obstacle moves,
     /// there is no friction.
     pub(super) fn carry(&self, place: &mut ContactPlace<D>, unknowns: &Unknowns<D>) {

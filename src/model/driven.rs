@@ -6,7 +6,7 @@
 
 use super::entities::Part as _;
 use super::error::EntityKind;
-use super::loads::end_of;
+use super::loads::step_of;
 use super::{Definition, ModelError, PairData};
 use crate::contact::{ContactPlace, SlipBound, Space};
 use crate::elasticity::Body;
@@ -83,7 +83,7 @@ where
 {
     /// The state of all such rows at a time, where 1 is the end of the first load step; `pair_of` has the contact of each row.
     pub(super) fn driven(&self, pairs: &[PairData<D>], pair_of: &[u32], time: f64) -> Vec<Driven> {
-        let step = (time.ceil() as usize).saturating_sub(1);
+        let step = step_of(time);
         let parts: Vec<(EntityKind, usize)> = (self.connections())
             .map(|(number, part)| (part.facts().kind, number))
             .collect();
@@ -103,7 +103,7 @@ where
                 (motion, factor * drive.force / drive.size, false)
             };
             let (motion, force, locked) = match kind {
-                EntityKind::Preload => self.preloads[number].state(self, step),
+                EntityKind::Preload => self.preloads[number].state(self, time),
                 EntityKind::Coupling => under(self.couplings[number].load_factors()),
                 EntityKind::Equation => under(self.equations[number].load_factors()),
                 _ => {
@@ -124,21 +124,21 @@ where
         all
     }
 
-    /// Adds the loads of preloads and couplings in a load step, counted from 0.
+    /// Adds the loads of preloads and couplings at a time.
     pub(super) fn add_driven(
         &self,
         body: &Body<D>,
-        step: usize,
+        time: f64,
         forces: &mut [[f64; D]],
     ) -> Result<(), ModelError> {
         for (preload, section) in self.preloads.iter().zip(&self.sections) {
-            let (_, tension, _) = preload.state(self, step);
+            let (_, tension, _) = preload.state(self, time);
             if tension != 0.0 {
                 section.pull(tension, forces);
             }
         }
         for (number, coupling) in self.couplings.iter().enumerate() {
-            let factor = self.factor(coupling.load_factors(), end_of(step));
+            let factor = self.factor(coupling.load_factors(), time);
             coupling
                 .push(body, self.carrier(number), factor, forces)
                 .map_err(|fault| coupling.entity(number).error(fault))?;

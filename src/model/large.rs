@@ -5,6 +5,7 @@
 //! was on its obstacle at the end of the last load step. Its violation at Δu = 0 is that of balance, contact and
 //! friction where the bodies are.
 
+mod connected;
 mod glue;
 mod meeting;
 mod turning;
@@ -13,7 +14,7 @@ use super::build::problem_of;
 use super::elastic::Elastic;
 use super::entities::Part;
 use super::error::{Entity, EntityKind, Fault, ModelError};
-use super::loads::{StepData, TemperatureField, outer_facets};
+use super::loads::{StepData, TemperatureField, outer_facets, step_of};
 use super::motion::Moved;
 use super::pair::Law;
 use super::{Definition, Driven};
@@ -29,20 +30,12 @@ use crate::quasistatic::{Load, State, lawful};
 use crate::rounding::ROUNDING;
 use crate::sparse::{norm, norm_max};
 use crate::ssnm::Sets;
+pub(super) use connected::Carried;
 pub(crate) use glue::Glue;
 use meeting::Meeting;
 pub(crate) use meeting::Touch;
 use std::array::from_fn;
 use std::collections::HashMap;
-
-/// Features that do not exist yet where displacements are large.
-const SMALL: [EntityKind; 5] = [
-    EntityKind::Foundation,
-    EntityKind::Spring,
-    EntityKind::Preload,
-    EntityKind::Coupling,
-    EntityKind::Cyclic,
-];
 
 /// Loads, supports and obstacles at a time.
 pub(crate) struct Moment<const D: usize> {
@@ -218,12 +211,16 @@ where
             let steps = Entity::all(EntityKind::Steps).at("cycles");
             return Err(steps.error(format!("more than one cycle of load steps {small}")));
         }
-        let small = |part: &(usize, &dyn Part)| SMALL.contains(&part.1.facts().kind);
-        if let Some((number, part)) = self.parts().find(small) {
-            let [.., several] = part.facts().kind.words();
-            return Err(part.entity(number).error(format!(
-                "{several} need geometry = \"small\": where displacements are large they are not known yet"
-            )));
+        for (i, coupling) in self.couplings.iter().enumerate() {
+            if coupling.contacts.is_some() {
+                return Err(coupling.entity(i).at("contacts").error(format!(
+                    "an obstacle that moves with a point {small}: state its motion (motion = {{ … }} of the contact)"
+                )));
+            }
+            if coupling.free != [false; D] {
+                let text = format!("a coupling that leaves directions free {small}");
+                return Err(coupling.entity(i).at("free").error(text));
+            }
         }
         let modes = |material: &Material| material.incompatible_modes;
         if let Some(i) = materials.iter().position(modes) {
@@ -287,7 +284,7 @@ where
             },
             friction: (definition.pairs.iter())
                 .map(|pair| {
-                    let step = (time.ceil() as usize).saturating_sub(1);
+                    let step = step_of(time);
                     pair.acts(step).then(|| pair.friction_factor(step))
                 })
                 .collect(),
@@ -448,6 +445,7 @@ where
 
         let moved = self.moved(u);
         let met = self.meeting(&moved, before, [from, to], now, first)?;
+        self.push_driven(to, &met.touches, &mut outer);
         self.turns(&moved, &met, &mut turning);
         let places: Vec<ContactPlace<D>> =
             (met.touches.iter().map(|touch| touch.place.clone())).collect();
@@ -480,6 +478,13 @@ where
             };
             let mut driven = self.helped(help, mean, &met, &mut blocks);
             self.pull_glued(&met, &still, &mut driven);
+            // A foundation keeps its directions: its forces follow from displacements.
+            let whole: Vec<[f64; D]> = (u.iter().zip(&still))
+                .map(|(u, still)| from_fn(|c| u[c] + still[c]))
+                .collect();
+            for (node, _, taken) in to.unknowns.bedding().forces(&whole) {
+                (0..D).for_each(|c| driven[node as usize][c] -= taken[c]);
+            }
             let mut held = tangent_forces(&deformed, &still);
             let is_loose = |node: u32| loose.get(node as usize).is_some_and(|is| *is != Loose::No);
             // A body that can move as a whole must not resist that.
@@ -746,7 +751,10 @@ where
             },
             temperature: to.temperature.clone(),
             changes: None,
-            driven: Vec::new(),
+            driven: {
+                let pair_of = &elastic.pair_of;
+                self.definition.driven(&self.pairs, pair_of, to.time)
+            },
         };
         (elastic, data, u, slip)
     }

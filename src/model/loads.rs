@@ -130,6 +130,11 @@ pub(super) fn end_of(step: usize) -> f64 {
     step as f64 + 1.0
 }
 
+/// The load step of a time, counted from 0.
+pub(super) fn step_of(time: f64) -> usize {
+    (time.ceil() as usize).saturating_sub(1)
+}
+
 /// The size of the forces on the nodes.
 pub(super) fn acting<const D: usize>(forces: &[[f64; D]]) -> f64 {
     norm(forces.as_flattened())
@@ -409,9 +414,9 @@ where
                 note(&[added], f.entity(number));
             }
         }
-        // With large displacements, there are no preloads and couplings, and the material handles temperature.
+        // With large displacements, rows turn with the bodies, and the material handles temperature.
         if !self.is_large() {
-            self.add_driven(body, time.ceil() as usize - 1, &mut forces)?;
+            self.add_driven(body, time, &mut forces)?;
             self.add_expansion(body, time, &mut forces)?;
         }
         if let Some(first) = self.temperatures.first() {

@@ -393,19 +393,20 @@ where
 }
 
 impl<const D: usize> Preload<D> {
-    /// In a load step, counted from 0: the stated shortening, if it is one, the stated force otherwise, and whether the section is
+    /// At a time, where 1 is the end of the first load step: the stated shortening, if it is one, the stated force otherwise, and whether the section is
     /// locked, so that neither counts.
-    pub(super) fn state(&self, of: &Definition<D>, step: usize) -> (Option<f64>, f64, bool) {
-        let factor = |step| of.factor(&self.factors, super::loads::end_of(step));
+    pub(super) fn state(&self, of: &Definition<D>, time: f64) -> (Option<f64>, f64, bool) {
+        let factor = |time| of.factor(&self.factors, time);
         if let Some(length) = self.shortening {
-            return (Some(factor(step) * length), 0.0, false);
+            return (Some(factor(time) * length), 0.0, false);
         }
-        let force = |step: usize| factor(step) * self.force.unwrap_or(0.0);
-        let largest = (0..of.n_steps()).fold(0.0_f64, |most, step| most.max(force(step).abs()));
-        let tightened = (0..of.n_steps()).find(|&step| force(step).abs() == largest);
-        match self.locks(step, tightened.unwrap_or(0)) {
+        let force = |time| factor(time) * self.force.unwrap_or(0.0);
+        let at_end = |step: usize| force(super::loads::end_of(step)).abs();
+        let largest = (0..of.n_steps()).fold(0.0_f64, |most, step| most.max(at_end(step)));
+        let tightened = (0..of.n_steps()).find(|&step| at_end(step) == largest);
+        match self.locks(super::loads::step_of(time), tightened.unwrap_or(0)) {
             true => (None, 0.0, true),
-            false => (None, force(step), false),
+            false => (None, force(time), false),
         }
     }
 }
@@ -425,6 +426,12 @@ impl<const D: usize> Section<D> {
             sides: sides.collect(),
             area,
         }
+    }
+
+    /// The nodes of both sides, all alike.
+    pub(super) fn nodes(&self) -> Vec<(u32, f64)> {
+        let nodes = self.sides.iter().flat_map(|(pair, _)| *pair);
+        nodes.map(|node| (node, 1.0)).collect()
     }
 
     /// Adds the forces of a tension on both sides.

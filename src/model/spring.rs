@@ -125,6 +125,11 @@ impl<const D: usize> Spring<D> {
         self
     }
 
+    /// Whether it acts along the line between its ends.
+    pub(super) fn has_line(&self) -> bool {
+        self.direction.is_none()
+    }
+
     /// Its ends, in words, once they are checked.
     fn ends(&self) -> [String; 2] {
         let to = self.to.as_ref();

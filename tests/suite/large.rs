@@ -1,5 +1,6 @@
 //! Large displacements: what turns as a whole, figures of an independent program, closed forms, and what buckles.
 
+mod connected;
 mod elements;
 mod itself;
 mod known;
@@ -16,7 +17,7 @@ use signorini::engine::{Engine, EngineOptions, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::model::{Analysis, Axis, Built, Model, Motion, Pair, Support, Traction};
-use signorini::output::Results;
+use signorini::output::{Report, Results, StepReport, StepResults};
 use signorini::quasistatic::StepSettings;
 use signorini::solve::Event;
 use signorini::ssnm::Status;
@@ -32,6 +33,7 @@ struct End<const D: usize> {
     /// On the bodies, of all places.
     forces: Vec<[f64; D]>,
     displacement: Vec<[f64; D]>,
+    report: StepReport,
 }
 
 impl<const D: usize> End<D> {
@@ -79,6 +81,11 @@ macro_rules! solved_in {
                             .collect(),
                         forces: forces.collect(),
                         displacement: data.unknowns.displacements(&solution.u),
+                        report: {
+                            let mut report = Report::new("", &built);
+                            report.add_step(&StepResults::new(Analysis::from(&built), &step));
+                            report.steps.remove(0)
+                        },
                     });
                 }
                 ControlFlow::Continue(())

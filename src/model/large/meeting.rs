@@ -12,6 +12,7 @@ use super::super::elastic::Elastic;
 use super::super::entities::Part as _;
 use super::super::error::{Fault, ModelError};
 use super::super::motion::Moved;
+use super::super::spring::Spring;
 use super::{Deformation, Moment};
 use crate::contact::{
     ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, are_excluded,
@@ -56,8 +57,10 @@ pub(crate) struct Touch<const D: usize> {
     pub slipped: [f64; D],
     /// The slip in this load step, up to the end of its last part.
     pub so_far: [f64; D],
-    /// From the obstacle or the other body; of ties 0.
+    /// From the obstacle or the other body; of ties 0; of a row that is driven, the motion that is stated, if any, less that so far.
     pub distance: f64,
+    /// What a row that is driven measures so far.
+    pub measured: f64,
     /// Where its nodes are opposite on the obstacle.
     feet: Vec<[f64; D]>,
     /// From the mean of its partners to that of its own nodes.
@@ -67,6 +70,16 @@ pub(crate) struct Touch<const D: usize> {
 impl<const D: usize> Touch<D> {
     fn normal(&self) -> [f64; D] {
         self.place.frame[0]
+    }
+
+    /// The force with these directions for its own.
+    fn force_along(&self, frame: &[[f64; D]; D]) -> [f64; D] {
+        let mut force = [0.0; D];
+        for (own, way) in self.place.frame.iter().zip(frame) {
+            let along = dot(self.force, *own);
+            (0..D).for_each(|c| force[c] += along * way[c]);
+        }
+        force
     }
 
     /// As the next part of a load step begins from it, with the force at the end of this one and the slip in it.
@@ -217,9 +230,11 @@ where
         sum
     }
 
-    /// Whether there are pairs whose places are made again at each configuration.
-    pub(crate) fn slides_anywhere(&self) -> bool {
-        self.pairs.iter().any(PairData::slides)
+    /// Whether forces go to other places, or turn with the line of a spring, which the tangent does not know.
+    pub(crate) fn redirects_forces(&self) -> bool {
+        // Couplings do not count: turns are far from linear, and accelerated steps are longer by far than those of Newton's method.
+        let has_line = self.definition.springs.iter().any(Spring::has_line);
+        has_line || self.pairs.iter().any(PairData::slides)
     }
 
     /// Whether there are rigid obstacles.
@@ -233,6 +248,7 @@ where
             rest: place.mean(|node| self.mesh.nodes[node as usize]),
             apart: Self::apart(&place, &place.frame, nodes),
             distance: 0.0,
+            measured: 0.0,
             pair,
             place,
             force: [0.0; D],
@@ -279,9 +295,9 @@ where
         for pair in 0..self.pairs.len() as u32 {
             let [now_of, before_of] =
                 [&now.touches, &before.touches].map(|touches| of_pair(touches, pair));
-            let mut acts = moments[1].acts(pair);
+            let pair_acts = moments[1].acts(pair);
             if self.pairs[pair as usize].slides() {
-                if !acts {
+                if !pair_acts {
                     met.is_alike &= now_of.is_empty();
                     continue;
                 }
@@ -289,12 +305,16 @@ where
                 continue;
             }
             let begin = self.candidates.partition_point(|place| place.1 < pair);
+            let connected = self.connected(pair, moved, now_of, moments[1])?;
             for (k, was) in now_of.iter().enumerate() {
+                let mut acts = pair_acts;
                 let rest = &self.candidates[begin + k].0;
-                let mut touch = self.touch(rest.clone(), pair, &moved.nodes);
-                touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
+                let connected = connected.as_ref().map(|all| &all[k]);
+                let place = connected.map_or(rest, |connected| &connected.place);
+                let mut touch = self.touch(place.clone(), pair, &moved.nodes);
                 match &self.pairs[pair as usize].obstacle {
                     Some(obstacle) => {
+                        touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
                         let (feet, bends) = (&before_of[k].feet, met.bends.len());
                         self.meet_obstacle(
                             moved, obstacle, moments, first, feet, &mut touch, &mut met,
@@ -306,30 +326,50 @@ where
                     }
                     None if self.pairs[pair as usize].drives.len() > k => {
                         let driven = moments[1].driven.get(&(begin + k));
-                        let of = |u: &[[f64; D]]| -> f64 {
-                            let terms = rest.terms(0);
-                            terms.map(|(node, way)| dot(way, u[node as usize])).sum()
+                        touch.measured = match connected {
+                            Some(connected) => connected.measured,
+                            None => {
+                                let u = |node: u32| now.displacement[node as usize];
+                                rest.terms(0).map(|(node, way)| dot(way, u(node))).sum()
+                            }
                         };
-                        let [so_far, then] =
-                            [&now.displacement, &before.displacement].map(|u| of(u));
+                        let motion = driven.and_then(|driven| driven.motion);
                         let stated = match driven {
-                            Some(Driven { locked: true, .. }) => Some(then),
-                            Some(driven) => driven.motion,
-                            None => None,
+                            Some(Driven { locked: true, .. }) => Some(before_of[k].measured),
+                            _ => motion,
                         };
-                        touch.place.gap = stated.unwrap_or(so_far) - so_far;
-                        acts = stated.is_some();
+                        let left = stated.map(|stated| stated - touch.measured);
+                        acts = left.is_some();
+                        touch.place.gap =
+                            connected.and_then(|one| one.left).or(left).unwrap_or(0.0);
+                        touch.distance = motion.unwrap_or(0.0) - touch.measured;
                         met.idle.resize(met.touches.len() + 1, !acts);
                     }
-                    None => {
-                        // The rows of ties and of nodes that move alike stay the same.
-                        let [so_far, then] = [&now.displacement, &before.displacement]
-                            .map(|u| Self::apart(rest, &rest.frame, u));
-                        touch.place.gap = rest.gap - dot(so_far, rest.frame[0]);
-                        touch.slip = minus(so_far, then);
-                    }
+                    None => match connected {
+                        Some(connected) => touch.slip = connected.moved,
+                        None => {
+                            touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
+                            // All other rows stay the same.
+                            let along = |u: &[[f64; D]]| -> [f64; D] {
+                                from_fn(|a| {
+                                    let terms = rest.terms(a);
+                                    terms.map(|(node, way)| dot(way, u[node as usize])).sum()
+                                })
+                            };
+                            let [so_far, then] =
+                                [&now.displacement, &before.displacement].map(|u| along(u));
+                            touch.place.gap = rest.gap - so_far[0];
+                            for (a, way) in rest.frame.iter().enumerate().skip(1) {
+                                let slip = so_far[a] - then[a];
+                                (0..D).for_each(|c| touch.slip[c] += slip * way[c]);
+                            }
+                        }
+                    },
                 }
                 touch.carries(Some(was).filter(|_| acts), Some(&before_of[k]));
+                if connected.is_some() && acts {
+                    touch.force = was.force_along(&touch.place.frame);
+                }
                 met.touches.push(touch);
             }
         }

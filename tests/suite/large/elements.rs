@@ -11,8 +11,8 @@ pub fn turned(v: Point, angle: f64) -> Point {
     [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1]]
 }
 
-pub fn plus(a: Point, b: Point) -> Point {
-    [a[0] + b[0], a[1] + b[1]]
+pub fn plus<const D: usize>(a: [f64; D], b: [f64; D]) -> [f64; D] {
+    std::array::from_fn(|c| a[c] + b[c])
 }
 
 pub fn minus(a: Point, b: Point) -> Point {
