@@ -11,9 +11,13 @@ use faer::linalg::lu::partial_pivoting;
 use faer::linalg::matmul::matmul;
 use faer::linalg::qr::{col_pivoting, no_pivoting};
 use faer::linalg::svd::{self, ComputeSvdVectors};
-use faer::{Accum, Conj, Mat, Par};
+use faer::{Accum, Conj, Mat, MatRef, Par};
+use rayon::prelude::*;
 
 const PAR: Par = Par::Seq;
+/// Entries from which on operations on several vectors are shared by all cores: each takes a core more than 30 µs, and starting a
+/// task some 5 µs.
+pub(crate) const PARALLEL: usize = 1 << 16;
 
 /// Eigenvalues in ascending order and eigenvectors (columns) of a symmetric matrix, from its lower triangle; None if an
 /// entry is not finite.
@@ -158,18 +162,27 @@ pub(crate) fn solve(mut matrix: Mat<f64>, b: &[f64]) -> Vec<f64> {
     (0..n).map(|i| x[(i, 0)]).collect()
 }
 
-/// aᵀ b.
-pub(crate) fn transposed_product(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
-    let mut product = Mat::zeros(a.ncols(), b.ncols());
-    matmul(
-        product.as_mut(),
-        Accum::Replace,
-        a.transpose(),
-        b.as_ref(),
-        1.0,
-        PAR,
-    );
-    product
+/// aᵀ b of matrices with so many rows, column by column one after the other. Where there is enough work, some columns of b are a task.
+pub(crate) fn transposed_product(rows: usize, a: &[f64], b: &[f64]) -> Mat<f64> {
+    /// The columns of a task: each reads all of a.
+    const COLUMNS: usize = 8;
+    fn of(rows: usize, data: &[f64]) -> MatRef<'_, f64> {
+        MatRef::from_column_major_slice(data, rows, data.len() / rows)
+    }
+    let product = |b: &[f64]| {
+        let (a, b) = (of(rows, a), of(rows, b));
+        let mut product = Mat::zeros(a.ncols(), b.ncols());
+        matmul(product.as_mut(), Accum::Replace, a.transpose(), b, 1.0, PAR);
+        product
+    };
+    if b.len() < PARALLEL {
+        return product(b);
+    }
+    let parts: Vec<Mat<f64>> = b.par_chunks(COLUMNS * rows).map(product).collect();
+    let columns = b.len() / rows;
+    Mat::from_fn(a.len() / rows, columns, |i, j| {
+        parts[j / COLUMNS][(i, j % COLUMNS)]
+    })
 }
 
 /// The Cholesky factor L of a symmetric matrix, from its lower triangle; None if it is not positive definite.

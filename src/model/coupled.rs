@@ -331,7 +331,14 @@ where
         (self.couplings.iter().enumerate())
             .map(|(number, coupling)| {
                 let coupled = coupling.on_mesh(body, self.carrier(number));
-                coupled.map_err(|fault| coupling.entity(number).error(fault))
+                let coupled = coupled.map_err(|fault| coupling.entity(number).error(fault))?;
+                let is_whole = coupled.drives.len() == rigid::count(D) || coupled.nodes.len() == 1;
+                if self.is_large() && body.plane != Plane::Axisymmetric && !is_whole {
+                    return Err(coupling.entity(number).error(
+                        "where displacements are large its nodes have to determine all motions of the point: couple nodes that are farther apart and in all directions, or a single one",
+                    ));
+                }
+                Ok(coupled)
             })
             .collect()
     }

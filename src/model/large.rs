@@ -456,7 +456,7 @@ where
         };
         let mut contact = contact_rows(&there, &to.unknowns, &places).map_err(failed)?;
         for (row, candidate) in contact.candidate.iter().enumerate() {
-            if met.idle[*candidate] {
+            if met.touches[*candidate].idle {
                 (contact.slip_bound[row], contact.coefficient[row]) = (0.0, 0.0);
             }
         }
@@ -543,7 +543,7 @@ where
         let (_, slide) = contact.held_motion(&left);
         let mut gap = contact.gap(&left);
         for (r, i, _) in contact.numbered() {
-            if met.idle[i] {
+            if met.touches[i].idle {
                 gap[r] = UNREACHABLE;
             }
         }

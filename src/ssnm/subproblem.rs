@@ -23,11 +23,12 @@ use super::point::Point;
 use super::surrogate::Surrogate;
 use crate::constraint::{at, put, row_of};
 use crate::control::Stop;
-use crate::dense::{solve, transposed_product};
+use crate::dense::{PARALLEL, solve, transposed_product};
 use crate::dual::balance::{Balance, CURVATURE};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
+use rayon::prelude::*;
 
 /// The problem to solve.
 pub(super) struct Subproblem<'a> {
@@ -123,6 +124,21 @@ pub(super) trait Equations<const D: usize> {
     }
 }
 
+/// Adds columns times these numbers.
+fn add_columns(columns: &[(&[f64], f64, f64)], parts: &[f64], sum: &mut [f64]) {
+    /// Entries of a task.
+    const PIECE: usize = 4096;
+    let add = |(piece, sum): (usize, &mut [f64])| {
+        for ((column, ..), part) in columns.iter().zip(parts) {
+            add_times(*part, &column[piece * PIECE..][..sum.len()], sum);
+        }
+    };
+    match columns.len() * sum.len() < PARALLEL {
+        true => sum.chunks_mut(PIECE).enumerate().for_each(add),
+        false => sum.par_chunks_mut(PIECE).enumerate().for_each(add),
+    }
+}
+
 impl Subproblem<'_> {
     /// Solves the problem from s = 0 and a motion to start from: [`Equations::solve`].
     pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
@@ -141,10 +157,11 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
     fn at(&self, unknowns: Vec<f64>) -> Trial {
         let n = self.from.lambda.len();
         let count = 2 * self.surrogate.len();
+        let columns: Vec<(&[f64], f64, f64)> = self.surrogate.columns().collect();
         let mut gradient = self.from.r.clone();
-        for ((column, factor, _), s) in self.surrogate.columns().zip(&unknowns) {
-            add_times(factor * s, column, &mut gradient);
-        }
+        let parts = columns.iter().zip(&unknowns);
+        let parts: Vec<f64> = parts.map(|((_, factor, _), s)| factor * s).collect();
+        add_columns(&columns, &parts, &mut gradient);
         if let Some(balance) = self.balance {
             add_times(-1.0, &balance.spread(&unknowns[count..]), &mut gradient);
         }
@@ -159,13 +176,19 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
             put(&mut lambda, i, self.law.solve::<D>(i, at(&z, i)).0);
         }
         let step = difference(&lambda, &self.from.lambda);
-        let mut rest = Vec::with_capacity(unknowns.len());
+        let miss = |(j, (column, factor, sign)): (usize, &(&[f64], f64, f64))| {
+            sign * unknowns[j] - factor * dot(column, &step)
+        };
+        let mut rest: Vec<f64> = match columns.len() * n < PARALLEL {
+            true => columns.iter().enumerate().map(miss).collect(),
+            false => columns.par_iter().enumerate().map(miss).collect(),
+        };
+        let parts = columns.iter().zip(&rest);
+        let parts: Vec<f64> = parts
+            .map(|((_, factor, sign), miss)| sign * factor * miss)
+            .collect();
         let mut missed = vec![0.0; n];
-        for ((column, factor, sign), s) in self.surrogate.columns().zip(&unknowns) {
-            let miss = sign * s - factor * dot(column, &step);
-            add_times(sign * factor * miss, column, &mut missed);
-            rest.push(miss);
-        }
+        add_columns(&columns, &parts, &mut missed);
         let mut merit = norm(&missed);
         if let Some(balance) = self.balance {
             let excess = balance.excess(&lambda);
@@ -191,49 +214,62 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
             .map(|i| (i, self.law.solve::<D>(i, at(&trial.z, i)).1))
             .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
             .collect();
-        let mut e = Mat::<f64>::zeros(D * moving.len(), size);
-        for (j, (column, factor, _)) in self.surrogate.columns().enumerate() {
-            for (place, &(i, _)) in moving.iter().enumerate() {
-                let own: [f64; D] = at(column, i);
-                for a in 0..D {
-                    e[(D * place + a, j)] = factor * own[a];
-                }
-            }
-        }
+        // Column by column.
+        let rows = D * moving.len();
+        let mut e = vec![0.0; rows * size];
         if let Some(balance) = self.balance {
             for (place, &(i, _)) in moving.iter().enumerate() {
                 for a in 0..D {
                     for (j, v) in balance.row(row_of::<D>(m, i, a)) {
-                        e[(D * place + a, count + j)] = -v;
+                        e[rows * (count + j) + D * place + a] = -v;
                     }
                 }
             }
         }
+        let columns: Vec<(&[f64], f64, f64)> = self.surrogate.columns().collect();
         let is_compliant = self.surrogate.softest() > 0.0;
-        let mut moved = Mat::<f64>::zeros(D * moving.len(), size);
-        for j in 0..size {
-            for (place, &(i, derivative)) in moving.iter().enumerate() {
+        let mut moved = vec![0.0; rows * size];
+        let fill = |(j, (e, moved)): (usize, (&mut [f64], &mut [f64]))| {
+            if let Some((column, factor, _)) = columns.get(j) {
+                for (e, &(i, _)) in e.chunks_exact_mut(D).zip(&moving) {
+                    let own: [f64; D] = at(column, i);
+                    (0..D).for_each(|a| e[a] = factor * own[a]);
+                }
+            }
+            let places = e.chunks_exact(D).zip(moved.chunks_exact_mut(D));
+            for ((e, moved), &(i, derivative)) in places.zip(&moving) {
                 // ∂z of the gradient is 1/(b + C).
-                let divided = |c: usize, value: f64| match is_compliant {
+                let divided = |c: usize| match is_compliant {
                     true => {
                         let row = row_of::<D>(m, i, c);
-                        value / self.surrogate.diagonal(row, self.stiffness)
+                        e[c] / self.surrogate.diagonal(row, self.stiffness)
                     }
-                    false => value,
+                    false => e[c],
                 };
                 for a in 0..D {
                     let row = derivative[a].iter().enumerate();
-                    let sum: f64 = row
-                        .map(|(c, d)| d * divided(c, e[(D * place + c, j)]))
-                        .sum();
-                    moved[(D * place + a, j)] = match is_compliant {
+                    let sum: f64 = row.map(|(c, d)| d * divided(c)).sum();
+                    moved[a] = match is_compliant {
                         true => sum,
                         false => sum / self.stiffness,
                     };
                 }
             }
+        };
+        // Without a node that moves there is nothing to fill.
+        let long = rows.max(1);
+        match rows * size < PARALLEL {
+            true => (e.chunks_mut(long).zip(moved.chunks_mut(long)))
+                .enumerate()
+                .for_each(fill),
+            false => (e.par_chunks_mut(long).zip(moved.par_chunks_mut(long)))
+                .enumerate()
+                .for_each(fill),
         }
-        let mut matrix = transposed_product(&e, &moved);
+        let mut matrix = match rows {
+            0 => Mat::zeros(size, size),
+            rows => transposed_product(rows, &e, &moved),
+        };
         for (j, (_, _, sign)) in self.surrogate.columns().enumerate() {
             matrix[(j, j)] += sign;
         }

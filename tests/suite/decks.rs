@@ -1600,7 +1600,7 @@ const DECKS: &[&str] = &[
 ];
 
 /// Those of them with NLGEOM that run without it, here and there.
-const SMALL: &[&str] = &["friction2", "scheibe2f2f", "changesurfbeh"];
+const SMALL: &[&str] = &["friction2", "changesurfbeh"];
 
 /// Those of them whose contact pressures are compared, too: with hard contact, or nearly, and without a border of it within a
 /// facet, where CalculiX extrapolates to nodes from points.

@@ -16,7 +16,7 @@ use signorini::elasticity::{Hyperelastic, Material};
 use signorini::engine::{Engine, EngineOptions, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::model::{Analysis, Axis, Built, Model, Motion, Pair, Support, Traction};
+use signorini::model::{Analysis, Axis, Built, Coupling, Model, Motion, Pair, Support, Traction};
 use signorini::output::{Report, Results, StepReport, StepResults};
 use signorini::quasistatic::StepSettings;
 use signorini::solve::Event;
@@ -408,6 +408,14 @@ fn what_is_not_known_is_refused() {
         model().large_displacements().contact(pair().tresca(1.0)),
         "coulomb",
     );
+    let large = || model().large_displacements().contact(pair());
+    let coupling = || Coupling::on("right", [1.0, 0.5]);
+    let free = coupling().free([true, false]);
+    refused(large().coupling(free), "geometry = \"small\"");
+    let carries = pair().named("tool");
+    let tool = Coupling::of_obstacles("tool", [0.5, 0.0]).fixed();
+    let carried = model().large_displacements().contact(carries);
+    refused(carried.coupling(tool), "motion = ");
 }
 
 /// A case file with all that is for large displacements, and its results: supports carry what contact does, and files say where places are

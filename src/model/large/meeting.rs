@@ -61,6 +61,8 @@ pub(crate) struct Touch<const D: usize> {
     pub distance: f64,
     /// What a row that is driven measures so far.
     pub measured: f64,
+    /// Whether it does not act.
+    pub idle: bool,
     /// Where its nodes are opposite on the obstacle.
     feet: Vec<[f64; D]>,
     /// From the mean of its partners to that of its own nodes.
@@ -122,8 +124,6 @@ impl<const D: usize> Touch<D> {
 pub(super) struct Meeting<const D: usize> {
     pub touches: Vec<Touch<D>>,
     pub bends: Vec<Bend<D>>,
-    /// Whether each place does not act.
-    pub idle: Vec<bool>,
     /// Whether they are those of the configuration before.
     pub is_alike: bool,
 }
@@ -249,6 +249,7 @@ where
             apart: Self::apart(&place, &place.frame, nodes),
             distance: 0.0,
             measured: 0.0,
+            idle: false,
             pair,
             place,
             force: [0.0; D],
@@ -289,7 +290,6 @@ where
         let mut met = Meeting {
             touches: Vec::with_capacity(self.candidates.len()),
             bends: Vec::new(),
-            idle: Vec::new(),
             is_alike: true,
         };
         for pair in 0..self.pairs.len() as u32 {
@@ -322,7 +322,6 @@ where
                         if !acts {
                             met.bends.truncate(bends);
                         }
-                        met.idle.resize(met.touches.len() + 1, !acts);
                     }
                     None if self.pairs[pair as usize].drives.len() > k => {
                         let driven = moments[1].driven.get(&(begin + k));
@@ -343,7 +342,6 @@ where
                         touch.place.gap =
                             connected.and_then(|one| one.left).or(left).unwrap_or(0.0);
                         touch.distance = motion.unwrap_or(0.0) - touch.measured;
-                        met.idle.resize(met.touches.len() + 1, !acts);
                     }
                     None => match connected {
                         Some(connected) => touch.slip = connected.moved,
@@ -370,10 +368,10 @@ where
                 if connected.is_some() && acts {
                     touch.force = was.force_along(&touch.place.frame);
                 }
+                touch.idle = !acts;
                 met.touches.push(touch);
             }
         }
-        met.idle.resize(met.touches.len(), false);
         for touch in &mut met.touches {
             let factor = moments[1].friction.get(touch.pair as usize);
             match (&mut touch.place.slip_bound, factor) {

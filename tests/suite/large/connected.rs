@@ -2,14 +2,18 @@
 
 use super::elements::plus;
 use super::{End, neo_hooke, solved, solved_in_space};
+use crate::bolts;
 use crate::common::apart;
+use crate::common::models::stacked;
 use crate::common::or_panic::OrPanic as _;
 use crate::common::oracle::length;
+use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness::{Cholesky, Pcg};
+use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::model::{
-    Axis, Coupling, Cyclic, Foundation, Model, Preload, Spring, Support, Traction,
+    Axis, Coupling, Cyclic, Foundation, Model, Pair, Preload, Spring, Support, Traction,
 };
 use signorini::output::ContactReport;
 use signorini::ssnm::Status;
@@ -268,6 +272,46 @@ fn a_bolt_turns_with_its_joint() {
             }
         }
     }
+}
+
+/// The joint of `bolts` with parts that nothing but contact and the bolt hold. Its strains are 4e-4, and so is what linear theory leaves out.
+#[test]
+fn a_joint_is_tightened_and_pulled_apart() {
+    let joint = bolts::joint();
+    for path in [Cholesky, Pcg] {
+        let ends = solved(joint.model.clone().large_displacements(), 1e-9, path);
+        converged(&ends, 8);
+        for (load, end) in joint.loads.iter().zip(&ends) {
+            joint.check(*load, &end.report, 3e-3);
+        }
+    }
+}
+
+/// A contact with an obstacle that does not act in a step, after one of two bodies in the list, leaves that as it is.
+#[test]
+fn a_contact_that_does_not_act_leaves_others_alone() {
+    let mesh = stacked(1.0, [6, 3]);
+    let model = |mesh: &Mesh| {
+        Model::on(mesh.clone())
+            .large_displacements()
+            .material(Material::new(10.0, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .traction(Traction::on("up-top").y(-0.3))
+            .contact(Pair::new("up-bottom", "low-top").coulomb(0.4))
+            .steps([1.0])
+    };
+    let wall = Obstacle::HalfSpace {
+        point: [2.0, 0.0],
+        normal: [-1.0, 0.0],
+    };
+    let idle = Pair::obstacle("up-right", wall).active([0.0]);
+    let alone = solved(model(&mesh), 1e-10, Cholesky);
+    let both = solved(model(&mesh).contact(idle), 1e-10, Cholesky);
+    converged(&alone, 8);
+    converged(&both, 8);
+    let pairs = alone[0].displacement.iter().zip(&both[0].displacement);
+    pairs.for_each(|(a, b)| assert!(apart(a, b) < 1e-9, "{a:?} {b:?}"));
+    assert!((alone[0].force()[1] - 0.6).abs() < 1e-8);
 }
 
 /// A rigid block that slides along y hangs on a spring whose line turns: k (l − l₀) y/l = P.
