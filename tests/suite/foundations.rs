@@ -254,10 +254,6 @@ fn a_foundation_that_makes_no_sense_is_refused() {
             "it must be finite and not negative",
         ),
         ("stiffness = { normal = 1e-90 }", "the stiffness is 1e-90"),
-        (
-            "stiffness = { normal = 1 }\n[analysis]\ngeometry = \"large\"",
-            "foundations need geometry = \"small\"",
-        ),
         ("", "missing field `stiffness`"),
     ] {
         let error = refusal(&format!("[[foundation]]\nboundary = \"bottom\"\n{text}\n"));

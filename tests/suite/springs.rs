@@ -240,10 +240,6 @@ fn a_spring_that_makes_no_sense_is_refused() {
             "point = [1, 1]\nstiffness = 1\nto = { nodes = \"a\" }",
             "there is no set of nodes \"a\"",
         ),
-        (
-            "point = [1, 1]\nstiffness = 1\ndirection = [1, 0]\n[analysis]\ngeometry = \"large\"",
-            "springs need geometry",
-        ),
     ] {
         let error = refusal(&format!("{text}\n"));
         assert!(error.contains(expected), "{error}");
