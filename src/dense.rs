@@ -252,11 +252,23 @@ mod tests {
         })
     }
 
+    /// Shared by all cores, a product has the same entries; the last task has fewer columns.
+    #[test]
+    fn long_columns_are_multiplied_in_parts() {
+        let (rows, columns) = (PARALLEL / 16, 19);
+        let m = arbitrary(rows, columns);
+        let data: Vec<f64> = m.col_iter().flat_map(|c| c.iter()).copied().collect();
+        let found = transposed_product(rows, &data[..3 * rows], &data);
+        let expected = m.transpose().subrows(0, 3) * &m;
+        assert!((&found - &expected).norm_max() < 1e-11 * expected.norm_max());
+    }
+
     #[test]
     fn decompositions_multiply_back() {
         for n in [1, 2, 5, 40, 150] {
             let m = arbitrary(n + 3, n);
-            let gram = transposed_product(&m, &m);
+            let columns: Vec<f64> = m.col_iter().flat_map(|c| c.iter()).copied().collect();
+            let gram = transposed_product(n + 3, &columns, &columns);
             assert!((&gram - m.transpose() * &m).norm_max() < 1e-12);
             let close = |a: &Mat<f64>, b: &Mat<f64>| {
                 assert!((a - b).norm_max() < 1e-10 * b.norm_max(), "{n}");

@@ -1,7 +1,7 @@
 //! Rigid-body motions of points: translations and rotations in the plane and in space.
 //!
-//! Rotations are about the centre of a [`Frame`] and divided by its size, so that their entries are as large as those
-//! of translations, whatever the unit of length.
+//! Rotations among small motions are about the centre of a [`Frame`] and divided by its size, so that their entries are as large as those
+//! of translations, whatever the unit of length. A [`Rotation`] may be large.
 
 use crate::dense::symmetric_eigen;
 use faer::Mat;
@@ -134,6 +134,22 @@ impl<const D: usize> Rotation<D> {
         Self { half }.shorter()
     }
 
+    /// The one about an axis of space, a unit vector, that brings arms nearest to others.
+    pub fn nearest_about(
+        axis: [f64; D],
+        arms: impl Iterator<Item = (f64, [f64; D], [f64; D])>,
+    ) -> Self {
+        let inner = |a: [f64; D], b: [f64; D]| (0..D).map(|c| a[c] * b[c]).sum::<f64>();
+        let (mut sin, mut cos) = (0.0, 0.0);
+        for (weight, from, to) in arms {
+            let turn = TURNS.map(|(a, b)| from[a] * to[b] - from[b] * to[a]);
+            sin += weight * (0..D).map(|c| axis[c] * turn[c]).sum::<f64>();
+            cos += weight * (inner(from, to) - inner(axis, from) * inner(axis, to));
+        }
+        let angle = f64::atan2(sin, cos);
+        Self::by(&axis.map(|v| angle * v))
+    }
+
     /// The same, by the shorter way.
     fn shorter(self) -> Self {
         match self.half[0] < 0.0 {
@@ -168,8 +184,8 @@ impl<const D: usize> Rotation<D> {
         }
     }
 
-    /// The rotation vector from another rotation to this one, by the shorter way.
-    pub fn after_back(&self, other: &Self) -> Vec<f64> {
+    /// This rotation after another one is taken back.
+    pub fn after_back(&self, other: &Self) -> Self {
         let ([a, b, c, d], [w, x, y, z]) = (self.half, other.inverse().half);
         let half = [
             a * w - b * x - c * y - d * z,
@@ -177,7 +193,7 @@ impl<const D: usize> Rotation<D> {
             a * y - b * z + c * w + d * x,
             a * z + b * y - c * x + d * w,
         ];
-        Self { half }.shorter().vector()
+        Self { half }
     }
 
     /// The rotation vector with an angle from 0 to π, or to 2π if it is not the shorter way.
@@ -191,57 +207,35 @@ impl<const D: usize> Rotation<D> {
         axis.iter().map(|v| factor * v).collect()
     }
 
-    /// Of the rotation vectors that differ by whole rounds, the one nearest to another vector.
+    /// Of the rotation vectors that differ by whole rounds, the one nearest to another vector. After a whole round a rotation hardly has
+    /// an axis of its own: it is that of the other vector.
     pub fn vector_near(&self, other: &[f64]) -> Vec<f64> {
-        use std::f64::consts::TAU;
+        use std::f64::consts::{FRAC_PI_2, PI, TAU};
         let vector = self.shorter().vector();
-        let angle = length(&vector);
-        // After a whole round it has no axis of its own.
-        let (axis, angle) = match angle > 1e-12 {
-            true => (vector.iter().map(|v| v / angle).collect(), angle),
-            false => (unit_or_zero(other), 0.0),
+        let (angle, far) = (length(&vector), length(other));
+        let inner = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        // Along an axis, with as many rounds as come nearest.
+        let along = |axis: &[f64], angle: f64| -> Vec<f64> {
+            let rounds = ((inner(axis, other) - angle) / TAU).round();
+            axis.iter().map(|a| (angle + TAU * rounds) * a).collect()
         };
-        let along: f64 = axis.iter().zip(other).map(|(a, b): (&f64, _)| a * b).sum();
-        let rounds = ((along - angle) / TAU).round();
-        match rounds == 0.0 {
-            true => vector,
-            false => axis.iter().map(|a| (angle + TAU * rounds) * a).collect(),
+        let own = match angle > 0.0 {
+            true => along(&vector.iter().map(|v| v / angle).collect::<Vec<_>>(), angle),
+            false => vector.clone(),
+        };
+        let off: Vec<f64> = own
+            .iter()
+            .zip(other)
+            .map(|(own, other)| own - other)
+            .collect();
+        match far > PI && length(&off) > FRAC_PI_2 {
+            true => {
+                let axis: Vec<f64> = other.iter().map(|v| v / far).collect();
+                along(&axis, inner(&axis, &vector))
+            }
+            false => own,
         }
     }
-}
-
-fn unit_or_zero(v: &[f64]) -> Vec<f64> {
-    let size = length(v);
-    v.iter()
-        .map(|v| if size > 0.0 { v / size } else { 0.0 })
-        .collect()
-}
-
-/// T⁻¹ of θ̇ = T⁻¹(θ) ω: how fast a rotation vector changes with a turn about the axes.
-pub(crate) fn of_turns(theta: &[f64]) -> Vec<Vec<f64>> {
-    let n = theta.len();
-    if n == 1 {
-        return vec![vec![1.0]];
-    }
-    let angle = length(theta);
-    let part = match angle < 1e-3 {
-        // (1 − x cot x)/(4x²) at x = angle/2, to 1e-14.
-        true => (1.0 + angle * angle / 60.0) / 12.0,
-        false => (1.0 - 0.5 * angle / (0.5 * angle).tan()) / (angle * angle),
-    };
-    let entry = |i: usize, j: usize| {
-        let cross: f64 = (0..3)
-            .find(|k| TURNS[*k] == (i, j))
-            .map_or(0.0, |k| -theta[k])
-            + (0..3)
-                .find(|k| TURNS[*k] == (j, i))
-                .map_or(0.0, |k| theta[k]);
-        let one = f64::from(u8::from(i == j));
-        one - 0.5 * cross + part * (theta[i] * theta[j] - one * angle * angle)
-    };
-    (0..n)
-        .map(|i| (0..n).map(|j| entry(i, j)).collect())
-        .collect()
 }
 
 #[cfg(test)]
@@ -269,6 +263,62 @@ mod tests {
     fn motions_do_not_stretch() {
         rigid::<2, 3>(&[[0.0, 0.0], [3.0, 1.0], [-2.0, 5.0]]);
         rigid::<3, 6>(&[[0.0, 0.0, 1.0], [3.0, 1.0, -4.0], [-2.0, 5.0, 2.0]]);
+    }
+
+    /// Arms that are turned by a vector determine it again, also after whole turns, and turn back.
+    #[test]
+    fn arms_determine_their_rotation() {
+        let arms = [[1.0, 0.2, -0.4], [-0.7, 1.5, 0.3], [0.1, -0.6, 2.0]];
+        for by in [
+            [0.3, -0.2, 0.9],
+            [0.0, 0.0, 0.0],
+            [2.0, 1.5, -1.5],
+            [0.0, -5.0, 7.0],
+        ] {
+            let rotation = Rotation::<3>::by(&by);
+            let turned = arms.iter().map(|x| (0.5, *x, rotation.of(*x)));
+            let found = Rotation::nearest(turned.clone());
+            let near: Vec<f64> = by.iter().map(|v| 1.1 * v).collect();
+            for (found, expected) in found.vector_near(&near).iter().zip(by) {
+                assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+            }
+            for (_, x, there) in turned {
+                let back = found.back(there);
+                assert!((0..3).all(|c| (back[c] - x[c]).abs() < 1e-14));
+            }
+        }
+        // Beside a whole round, where the axis of what is left is another one; and on the way to it.
+        for (left, before) in [
+            ([1e-4, 0.0, 0.0], 6.2),
+            ([0.0, 0.0, -0.3], 6.2),
+            ([0.0, 1e-3, 0.1], 12.0),
+        ] {
+            let rounds = (before / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+            let found = Rotation::<3>::by(&left).vector_near(&[0.0, 0.0, before]);
+            assert!((found[2] - rounds - left[2]).abs() < 1e-3, "{found:?}");
+        }
+        // About a given axis: what is across it does not count.
+        let by = [0.0, 0.0, 0.8];
+        let tilted = Rotation::<3>::by(&by);
+        let pairs = arms.iter().map(|x| {
+            let mut to = tilted.of(*x);
+            to[2] += 0.7;
+            (1.0, *x, to)
+        });
+        let found = Rotation::nearest_about([0.0, 0.0, 1.0], pairs).vector_near(&[0.0; 3]);
+        assert!(
+            (found[2] - 0.8).abs() < 1e-14 && found[0] == 0.0,
+            "{found:?}"
+        );
+        // A point in the plane, and nothing at all.
+        let plane = Rotation::<2>::nearest([(1.0, [2.0, 0.0], [0.0, 3.0])].into_iter());
+        assert!((plane.vector_near(&[20.0])[0] - 6.5 * std::f64::consts::PI).abs() < 1e-13);
+        assert_eq!(
+            Rotation::<2>::nearest(std::iter::empty()).of([1.0, 2.0]),
+            [1.0, 2.0]
+        );
+        let none = Rotation::<3>::nearest(std::iter::empty());
+        assert_eq!(none.of([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
     }
 
     #[test]

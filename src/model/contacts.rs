@@ -268,7 +268,7 @@ pub(super) struct Sliding<const D: usize> {
     /// The planes of symmetry of nodes.
     symmetry: Directions<D>,
     /// The directions along which nodes are held.
-    held: Directions<D>,
+    pub(super) held: Directions<D>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
 }

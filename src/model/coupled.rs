@@ -332,10 +332,12 @@ where
             .map(|(number, coupling)| {
                 let coupled = coupling.on_mesh(body, self.carrier(number));
                 let coupled = coupled.map_err(|fault| coupling.entity(number).error(fault))?;
-                let is_whole = coupled.drives.len() == rigid::count(D) || coupled.nodes.len() == 1;
+                let known = coupled.drives.len();
+                // A single node that is the point has no rotation.
+                let is_whole = known == rigid::count(D) || (coupled.nodes.len() == 1 && known == D);
                 if self.is_large() && body.plane != Plane::Axisymmetric && !is_whole {
                     return Err(coupling.entity(number).error(
-                        "where displacements are large its nodes have to determine all motions of the point: couple nodes that are farther apart and in all directions, or a single one",
+                        "where displacements are large its nodes have to determine all motions of the point: couple nodes that are farther apart and in all directions, or the node at the point alone",
                     ));
                 }
                 Ok(coupled)
@@ -404,7 +406,7 @@ impl<const D: usize> Coupled<D> {
 
     /// How the nodes have moved as a whole.
     pub(super) fn carried(&self, rest: &[[f64; D]], now: &[[f64; D]]) -> Carried<D> {
-        Carried::of(&self.shares, rest, now)
+        Carried::of(&self.shares, rest, now, &[])
     }
 
     /// Each motion of the point, along the axes and about them, in displacements of nodes from where they are now.
@@ -453,7 +455,7 @@ impl<const D: usize> Coupled<D> {
         self.drives.iter().map(row).collect()
     }
 
-    /// The second derivatives of half the squared distances by turns, as far as nodes are away from their places.
+    /// The part of the matrix of a distributing coupling by nodes that are away from their places.
     fn longer(
         &self,
         ways: &[usize],

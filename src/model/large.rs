@@ -35,7 +35,7 @@ pub(crate) use glue::Glue;
 use meeting::Meeting;
 pub(crate) use meeting::Touch;
 use std::array::from_fn;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// Loads, supports and obstacles at a time.
 pub(crate) struct Moment<const D: usize> {
@@ -54,7 +54,7 @@ pub(crate) struct Moment<const D: usize> {
     /// The part of overlaps that has been pressed apart: it grows in the first load step.
     grown: f64,
     /// The state of rows that are driven, by the numbers of their candidates.
-    driven: HashMap<usize, Driven>,
+    driven: BTreeMap<usize, Driven>,
     /// The factor of the coefficient of each contact; None where it does not act.
     friction: Vec<Option<f64>>,
 }

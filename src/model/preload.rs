@@ -393,8 +393,8 @@ where
 }
 
 impl<const D: usize> Preload<D> {
-    /// At a time, where 1 is the end of the first load step: the stated shortening, if it is one, the stated force otherwise, and whether the section is
-    /// locked, so that neither counts.
+    /// At a time, where 1 is the end of the first load step: the stated shortening, if it is one; the stated force otherwise; and whether
+    /// the section is locked, which leaves out both.
     pub(super) fn state(&self, of: &Definition<D>, time: f64) -> (Option<f64>, f64, bool) {
         let factor = |time| of.factor(&self.factors, time);
         if let Some(length) = self.shortening {

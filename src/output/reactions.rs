@@ -374,7 +374,11 @@ where
                 displacement,
                 (!data.temperature.is_none()).then_some(&field as Temperature<D>),
             );
-            of.resistance().forces
+            let mut inner = of.resistance().forces;
+            for (node, _, taken) in data.unknowns.bedding().forces(displacement) {
+                (0..D).for_each(|c| inner[node as usize][c] += taken[c]);
+            }
+            inner
         }
         false => internal_forces(&body, &data.unknowns, displacement),
     };

@@ -16,9 +16,8 @@ use crate::contact::{ContactPlace, Space};
 use crate::elasticity::Plane;
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Mesh};
-use crate::rigid::{self, Rotation};
+use crate::rigid::Rotation;
 use std::array::from_fn;
-use std::f64::consts::PI;
 
 /// The rigid motion nearest to that of some nodes, by least squares.
 pub(in super::super) struct Carried<const D: usize> {
@@ -30,7 +29,13 @@ pub(in super::super) struct Carried<const D: usize> {
 
 impl<const D: usize> Carried<D> {
     /// Of nodes with their shares, from places at rest to those now.
-    pub fn of(shares: &[(u32, f64)], at_rest: &[[f64; D]], now: &[[f64; D]]) -> Self {
+    /// With directions in which some of them are held, they turn about these alone.
+    pub fn of(
+        shares: &[(u32, f64)],
+        at_rest: &[[f64; D]],
+        now: &[[f64; D]],
+        held: &[[f64; D]],
+    ) -> Self {
         let all: f64 = shares.iter().map(|(_, share)| share).sum();
         let mean = |places: &[[f64; D]]| {
             crate::contact::mean(shares, |node| places[node as usize]).map(|x| x / all)
@@ -44,7 +49,11 @@ impl<const D: usize> Carried<D> {
         Self {
             rest,
             now: here,
-            turn: Rotation::nearest(arms),
+            turn: match held {
+                [] => Rotation::nearest(arms),
+                [axis] if D == 3 => Rotation::nearest_about(*axis, arms),
+                _ => Rotation::nearest(std::iter::empty()),
+            },
         }
     }
 
@@ -99,6 +108,7 @@ where
                 };
                 let [before, line] = [rest, now].map(|nodes| line(nodes));
                 let mut place = places[0].clone();
+                place.place = place.mean(|node| now[node as usize]);
                 // Ends in one place have no line.
                 if length(line) > f64::EPSILON * length(before) {
                     place.frame[0] = unit(line);
@@ -112,9 +122,9 @@ where
                     left: None,
                 }])
             }
-            EntityKind::Preload => {
+            EntityKind::Preload if self.plane != Plane::Axisymmetric => {
                 let nodes = definition.sections[data.number].nodes();
-                let carried = Carried::of(&nodes, rest, now);
+                let carried = Carried::of(&nodes, rest, now, &self.held_along(&nodes));
                 Some(self.turned(&places, &carried, moved))
             }
             EntityKind::Coupling if self.plane != Plane::Axisymmetric => {
@@ -123,12 +133,27 @@ where
                 let at = at.map_err(|fault| coupling.entity(data.number).error(fault))?;
                 let carried = at.carried(rest, now);
                 let mut turned = self.turned(&places, &carried, moved);
-                self.drive(begin, &at, &carried, now, was, to, &mut turned)
-                    .map_err(|text| coupling.entity(data.number).error(text))?;
+                let stated = |k: usize| to.driven.get(&(begin + k))?.motion;
+                Self::drive(&at, &carried, [rest, now], was, stated, &mut turned);
                 Some(turned)
             }
+            // All others stay as they are at rest.
             _ => None,
         })
+    }
+
+    /// The directions in which supports hold some of these nodes, each once: a section with nodes on a plane of symmetry keeps them there.
+    fn held_along(&self, nodes: &[(u32, f64)]) -> Vec<[f64; D]> {
+        let mut all: Vec<[f64; D]> = Vec::new();
+        let held = nodes
+            .iter()
+            .filter_map(|(node, _)| self.sliding.held.get(node));
+        for way in held.flatten() {
+            if all.iter().all(|other| dot(*other, *way).abs() < 1.0 - 1e-6) {
+                all.push(*way);
+            }
+        }
+        all
     }
 
     /// Places that have turned with their nodes.
@@ -146,7 +171,10 @@ where
             let so_far: [f64; D] =
                 from_fn(|a| rest.terms(a).map(|(node, way)| dot(way, off(node))).sum());
             let mut place = (*rest).clone();
-            place.place = carried.place(rest.place);
+            place.place = match place.node {
+                Some(node) => moved.nodes[node as usize],
+                None => carried.place(rest.place),
+            };
             place.frame = rest.frame.map(|way| carried.turn.of(way));
             for (_, way) in place.further.iter_mut().flatten() {
                 *way = carried.turn.of(*way);
@@ -166,82 +194,54 @@ where
         places.iter().map(turned).collect()
     }
 
-    /// Completes the rows that measure the motions of a point.
+    /// Completes the rows that measure the motions of a point: `was` has what they measured before, and `stated` what is stated.
     ///
     /// The rotation is a vector θ, of which the same turn is reached after any number of rounds: the one nearest to that of before counts.
-    /// Rows measure turns ω about the axes, and the multipliers are moments. Where only some entries of θ are stated, these rows measure
-    /// θ̇ = T⁻¹(θ) ω.
-    #[allow(clippy::too_many_arguments)]
+    /// Rows measure turns about the axes, so that multipliers are moments about them.
     fn drive(
-        &self,
-        begin: usize,
         at: &Coupled<D>,
         carried: &Carried<D>,
-        now: &[[f64; D]],
+        [rest, now]: [&[[f64; D]]; 2],
         was: &[Touch<D>],
-        to: &Moment<D>,
+        stated: impl Fn(usize) -> Option<f64>,
         turned: &mut [Connected<D>],
-    ) -> Result<(), &'static str> {
-        let turns = rigid::count(D) - D;
-        let stated = |k: usize| to.driven.get(&(begin + k)).and_then(|driven| driven.motion);
-        let drives = at.drives();
-        let before: Vec<f64> = (was.iter().zip(drives))
-            .filter(|(_, drive)| drive.component >= D)
-            .map(|(touch, drive)| touch.measured / drive.size)
+    ) {
+        let turns = at.drives().iter().zip(was).enumerate();
+        let turns = turns.filter(|(_, (drive, _))| drive.component >= D);
+        let before: Vec<f64> = turns
+            .clone()
+            .map(|(_, (drive, touch))| touch.measured / drive.size)
             .collect();
-        // A point with a single node has no rotation.
-        let theta = match before.len() == turns {
-            true => carried.turn.vector_near(&before),
-            false => vec![0.0; turns],
-        };
-        let wanted: Vec<Option<f64>> = (drives.iter().enumerate())
-            .filter(|(_, drive)| drive.component >= D)
-            .map(|(k, drive)| stated(k).map(|motion| motion / drive.size))
-            .collect();
-        let whole: Option<Vec<f64>> = wanted.iter().copied().collect();
-        let left = match &whole {
-            Some(whole) if !whole.is_empty() => {
-                let far = whole.iter().zip(&theta).map(|(to, from)| to - from);
-                if rigid::length(&far.collect::<Vec<_>>()) > PI {
-                    return Err(
-                        "a load step turns its point by more than half a turn: divide the turn over more load steps",
-                    );
-                }
-                Some(Rotation::by(whole).after_back(&carried.turn))
-            }
-            _ => None,
-        };
-        let is_partly = whole.is_none() && wanted.iter().any(Option::is_some);
-        let rows = at.rows(carried, &self.mesh.nodes, now);
-        for (k, drive) in drives.iter().enumerate() {
-            let here = &mut turned[k];
-            let mut frame = [[0.0; D]; D];
-            // Any direction of a rotation: it carries the multiplier.
-            frame[0][drive.component % D] = 1.0;
-            here.place.frame = frame;
+        let theta = carried.turn.vector_near(&before);
+        let wanted = turns.map(|(k, (drive, _))| stated(k).map(|motion| motion / drive.size));
+        let wanted: Option<Vec<f64>> = wanted.collect();
+        let left = wanted.map(|wanted| {
+            let far: Vec<f64> = wanted
+                .iter()
+                .zip(&theta)
+                .map(|(to, from)| to - from)
+                .collect();
+            Rotation::by(&wanted)
+                .after_back(&carried.turn)
+                .vector_near(&far)
+        });
+        let rows = at.rows(carried, rest, now);
+        for ((drive, row), here) in at.drives().iter().zip(rows).zip(turned) {
             here.place.place = carried.place(at.point());
-            let mut terms = rows[k].clone();
+            // Any direction of a rotation: it carries the multiplier.
+            here.place.frame = [[0.0; D]; D];
+            here.place.frame[0][drive.component % D] = 1.0;
+            here.place.further = vec![row];
             match drive.component.checked_sub(D) {
                 None => {
-                    here.measured = here.place.place[drive.component] - at.point()[drive.component]
+                    here.measured = here.place.place[drive.component] - at.point()[drive.component];
                 }
                 Some(about) => {
                     here.measured = drive.size * theta[about];
                     here.left = left.as_ref().map(|left| drive.size * left[about]);
-                    if is_partly {
-                        terms.clear();
-                        for (part, row) in rigid::of_turns(&theta)[about].iter().zip(&rows[D..]) {
-                            terms.extend(
-                                row.iter().map(|(node, way)| (*node, way.map(|v| part * v))),
-                            );
-                        }
-                    }
                 }
             }
-            here.place.gap = -here.measured;
-            here.place.further = vec![terms];
         }
-        Ok(())
     }
 
     /// Adds the forces that are stated for rows that are driven, of preloads and of points.

@@ -57,7 +57,7 @@ pub(crate) struct Touch<const D: usize> {
     pub slipped: [f64; D],
     /// The slip in this load step, up to the end of its last part.
     pub so_far: [f64; D],
-    /// From the obstacle or the other body; of ties 0; of a row that is driven, the motion that is stated, if any, less that so far.
+    /// From the obstacle or the other body; of ties 0; of a row that is driven, the motion that is stated (0 if none), less that so far.
     pub distance: f64,
     /// What a row that is driven measures so far.
     pub measured: f64,
@@ -232,7 +232,7 @@ where
 
     /// Whether forces go to other places, or turn with the line of a spring, which the tangent does not know.
     pub(crate) fn redirects_forces(&self) -> bool {
-        // Couplings do not count: turns are far from linear, and accelerated steps are longer by far than those of Newton's method.
+        // Turns of couplings do not count: acceleration takes them too far, and each of them is nearly a Newton step.
         let has_line = self.definition.springs.iter().any(Spring::has_line);
         has_line || self.pairs.iter().any(PairData::slides)
     }
@@ -312,9 +312,12 @@ where
                 let connected = connected.as_ref().map(|all| &all[k]);
                 let place = connected.map_or(rest, |connected| &connected.place);
                 let mut touch = self.touch(place.clone(), pair, &moved.nodes);
+                if connected.is_none() {
+                    let moved = rest.mean(|node| now.displacement[node as usize]);
+                    touch.place.place = from_fn(|c| rest.place[c] + moved[c]);
+                }
                 match &self.pairs[pair as usize].obstacle {
                     Some(obstacle) => {
-                        touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
                         let (feet, bends) = (&before_of[k].feet, met.bends.len());
                         self.meet_obstacle(
                             moved, obstacle, moments, first, feet, &mut touch, &mut met,
@@ -346,8 +349,6 @@ where
                     None => match connected {
                         Some(connected) => touch.slip = connected.moved,
                         None => {
-                            touch.place.place = rest.mean(|node| moved.nodes[node as usize]);
-                            // All other rows stay the same.
                             let along = |u: &[[f64; D]]| -> [f64; D] {
                                 from_fn(|a| {
                                     let terms = rest.terms(a);
