@@ -7,12 +7,15 @@
 
 mod anderson;
 
+use crate::constraint::{self, row_of};
 use crate::contact::Space;
 use crate::dual::DualError;
 use crate::engine::{Engine, EngineError};
 use crate::mesh::ElementKind;
-use crate::mesh::vector::minus;
-use crate::model::{Built, Configuration, Deformation, Elastic, Help, Moment, StepData};
+use crate::mesh::vector::{dot, minus};
+use crate::model::{
+    Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
+};
 use crate::problem::{ContactProblem, Kkt};
 use crate::quasistatic::{self, NotHeld, Round, StepSettings, StepSolution};
 use crate::solve::{Error, Event, Solved};
@@ -71,6 +74,9 @@ enum Ended {
 /// The displacements of all nodes, and the forces of all contact places.
 type Moved<const D: usize> = (Vec<[f64; D]>, Vec<[f64; D]>);
 
+/// A row of a problem, with its directions.
+type Row<const D: usize> = (usize, [[f64; D]; D]);
+
 /// Where a step has come to.
 struct Reached<const D: usize>
 where
@@ -96,6 +102,10 @@ where
     begin: Instant,
     limit: Option<Duration>,
     rounds: Vec<Round>,
+    /// What is known of A from the configurations before, in the rows of the last one.
+    recycled: RecycledSubspace,
+    /// The row of each of its contact places.
+    rows: Vec<Option<Row<D>>>,
 }
 
 /// Whether K is singular or not definite.
@@ -126,6 +136,48 @@ where
         settings
     }
 
+    /// Takes over what is known of A to the rows of the next configuration.
+    fn renew(&mut self, at: &Configuration<D>) {
+        let m = at.contact.places.len();
+        let before = std::mem::replace(&mut self.rows, vec![None; at.touches.len()]);
+        for (row, i, place) in at.contact.numbered() {
+            self.rows[i] = Some((row, place.frame));
+        }
+        let moved_to = |(now, from): (&Option<Row<D>>, &Option<usize>)| {
+            let was = before.get((*from)?).copied().flatten()?;
+            Some((was, (*now)?))
+        };
+        let moved = self.rows.iter().zip(&at.from);
+        let moved: Vec<_> = moved.filter_map(moved_to).collect();
+        // Directions turn with the normal.
+        let turned = |v: &[f64]| {
+            let mut new = vec![0.0; D * m];
+            for &((was, old_frame), (row, frame)) in &moved {
+                let entries = constraint::at::<D>(v, was);
+                let mut along = [0.0; D];
+                for (entry, way) in entries.iter().zip(&old_frame).skip(1) {
+                    (0..D).for_each(|c| along[c] += entry * way[c]);
+                }
+                let along = turned_with(along, old_frame[0], frame[0]);
+                new[row] = entries[0];
+                for (a, way) in frame.iter().enumerate().skip(1) {
+                    new[row_of::<D>(m, row, a)] = dot(along, *way);
+                }
+            }
+            new
+        };
+        let factors = |v: &[f64]| {
+            let mut new = vec![0.0; D * m];
+            for &((was, _), (row, _)) in &moved {
+                for (a, entry) in constraint::at::<D>(v, was).into_iter().enumerate() {
+                    new[row_of::<D>(m, row, a)] = entry;
+                }
+            }
+            new
+        };
+        self.recycled.renew(turned, factors);
+    }
+
     /// Solves the problem of a configuration.
     fn solve(
         &mut self,
@@ -135,14 +187,13 @@ where
     ) -> Result<StepSolution<D>, Error> {
         self.engine.update(&at.problem)?;
         let settings = self.to(tolerance);
-        let mut recycled = RecycledSubspace::default();
         let solved = quasistatic::solve_step(
             &at.problem,
             &at.load,
             &at.state,
             &mut *self.engine,
             &settings,
-            &mut recycled,
+            &mut self.recycled,
             watch,
         );
         let solution = solved.map_err(Box::new)?;
@@ -176,6 +227,10 @@ where
                     .elastic
                     .configuration(before, moments, now, first, help)?,
             };
+            if help != HELP[0] {
+                // K is another one.
+                self.recycled = RecycledSubspace::default();
+            }
             match self.solve(&at, tolerance, watch) {
                 Ok(solution) => return Ok(Some((at, solution))),
                 Err(error) if is_indefinite(&error) => failed = Some(error),
@@ -214,6 +269,7 @@ where
                 }
                 made => made?,
             };
+            self.renew(&at);
             if !first {
                 let violation = at.violation();
                 let off = norm_max(&[violation.max(), at.unmoved(&now.displacement)]);
@@ -468,6 +524,8 @@ where
         begin: Instant::now(),
         limit: settings.ssnm.time_limit,
         rounds: Vec::new(),
+        recycled: RecycledSubspace::default(),
+        rows: Vec::new(),
     };
     let mut before = elastic.undeformed();
     let mut from = elastic.moment(0.0)?;
@@ -517,6 +575,9 @@ where
                     break;
                 }
                 Err(Ended::Lost(bodies)) => {
+                    // The rows are no longer those of the state before.
+                    process.rows.clear();
+                    process.recycled = RecycledSubspace::default();
                     longest = 0.5 * longest.min(to_time - time);
                     if longest < 0.5_f64.powi(CUTS) {
                         failed = Some(match bodies.is_empty() {

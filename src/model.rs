@@ -80,7 +80,7 @@ pub use elastic::Elastic;
 pub use entities::{BodyForce, Equal, Force, Foundation, Names, Support, Temperature, Traction};
 pub use equation::Equation;
 pub use error::{Entity, EntityKind, Fault, ModelError};
-pub(crate) use large::{Configuration, Deformation, Help, Moment};
+pub(crate) use large::{Configuration, Deformation, Help, Moment, turned_with};
 pub use loads::{StepData, TemperatureField};
 pub use motion::Motion;
 pub use pair::Pair;

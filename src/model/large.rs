@@ -33,7 +33,7 @@ use crate::ssnm::Sets;
 pub(super) use connected::Carried;
 pub(crate) use glue::Glue;
 use meeting::Meeting;
-pub(crate) use meeting::Touch;
+pub(crate) use meeting::{Touch, turned_with};
 use std::array::from_fn;
 use std::collections::BTreeMap;
 
@@ -149,6 +149,8 @@ pub(crate) struct Configuration<const D: usize> {
     pub lambda: Vec<f64>,
     /// The contact places, with the forces of the configuration before.
     pub touches: Vec<Touch<D>>,
+    /// For each of them, the number of the one that it was in the configuration before.
+    pub from: Vec<Option<usize>>,
     /// Whether they are those of the configuration before.
     pub is_alike: bool,
 }
@@ -599,6 +601,7 @@ where
             outer,
             lambda,
             touches: met.touches,
+            from: met.from,
             is_alike: met.is_alike,
         })
     }

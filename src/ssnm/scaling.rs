@@ -69,6 +69,11 @@ impl<'a> Scaled<'a> {
         }
     }
 
+    /// The diagonal of S; empty for the identity.
+    pub fn scale(&self) -> &[f64] {
+        self.scale.as_deref().unwrap_or_default()
+    }
+
     /// Sᵢᵢ.
     pub fn factor(&self, i: usize) -> f64 {
         self.scale.as_ref().map_or(1.0, |scale| scale[i])

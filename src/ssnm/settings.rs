@@ -158,6 +158,19 @@ pub struct RecycledSubspace {
     pub(super) spectrum: Option<(f64, f64)>,
 }
 
+impl RecycledSubspace {
+    /// Keeps what is known of A for a similar one, with rows to which `change` takes vectors of the old ones: orthogonally, except for
+    /// rows that are lost. `factors` does so with factors of rows.
+    pub(crate) fn renew(
+        &mut self,
+        change: impl Fn(&[f64]) -> Vec<f64>,
+        factors: impl Fn(&[f64]) -> Vec<f64>,
+    ) {
+        self.spectrum = None;
+        self.surrogate.renew(change, factors);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -120,6 +120,7 @@ impl<'a, const D: usize> SetUp<'a, D> {
             c * factor * factor
         }));
         let compliance = dual.compliance();
+        let scale = dual.scale().to_vec();
         let products = Products::new(dual, problem.load_case(), settings, stop, mean);
         let known = (products.dual.matrix())
             .filter(|matrix| matrix.n_blocks() <= LARGEST_MATRIX)
@@ -162,7 +163,7 @@ impl<'a, const D: usize> SetUp<'a, D> {
         if settings.method == Method::Multisecant {
             newton.surrogate = std::mem::take(&mut recycled.surrogate);
         }
-        (newton.surrogate).prepare(mean, settings.numbers.pairs, &newton.compliance);
+        (newton.surrogate).prepare(mean, settings.numbers.pairs, &newton.compliance, &scale);
         let first = Point {
             r: vec![0.0; start.lambda.len()],
             lambda: start.lambda,
@@ -242,7 +243,7 @@ impl<const D: usize> Newton<'_, D> {
             way.point.clone_from(&way.first);
             return Ok(());
         };
-        if costs && self.surrogate.len() > 0 {
+        if costs && self.surrogate.is_known() {
             way.point.lambda = target;
             way.point.r = self.products.first(&self.offsets, &way.point.lambda)?;
             let back = difference(&way.first.lambda, &way.point.lambda);

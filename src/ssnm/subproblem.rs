@@ -61,7 +61,7 @@ pub(super) struct Trial {
 impl Trial {
     /// a.
     pub fn motion(&self, surrogate: &Surrogate) -> &[f64] {
-        &self.unknowns[2 * surrogate.len()..]
+        &self.unknowns[surrogate.n_columns()..]
     }
 }
 
@@ -142,7 +142,7 @@ fn add_columns(columns: &[(&[f64], f64, f64)], parts: &[f64], sum: &mut [f64]) {
 impl Subproblem<'_> {
     /// Solves the problem from s = 0 and a motion to start from: [`Equations::solve`].
     pub fn solve<const D: usize>(&self, motion: Vec<f64>, target: f64) -> (Trial, usize) {
-        let mut unknowns = vec![0.0; 2 * self.surrogate.len()];
+        let mut unknowns = vec![0.0; self.surrogate.n_columns()];
         unknowns.extend(motion);
         Equations::<D>::solve(self, unknowns, target)
     }
@@ -156,7 +156,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
     /// The point with these s and a.
     fn at(&self, unknowns: Vec<f64>) -> Trial {
         let n = self.from.lambda.len();
-        let count = 2 * self.surrogate.len();
+        let count = self.surrogate.n_columns();
         let columns: Vec<(&[f64], f64, f64)> = self.surrogate.columns().collect();
         let mut gradient = self.from.r.clone();
         let parts = columns.iter().zip(&unknowns);
@@ -209,7 +209,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
     /// zero.
     fn direction(&self, trial: &Trial) -> Vec<f64> {
         let m = trial.z.len() / D;
-        let (count, size) = (2 * self.surrogate.len(), trial.unknowns.len());
+        let (count, size) = (self.surrogate.n_columns(), trial.unknowns.len());
         let moving: Vec<_> = (0..m)
             .map(|i| (i, self.law.solve::<D>(i, at(&trial.z, i)).1))
             .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
@@ -313,7 +313,7 @@ mod tests {
         };
         let u = next();
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, 100, &[]);
+        surrogate.prepare(2.0, 100, &[], &[]);
         for _ in 0..pairs {
             let v = next();
             let along = dot(&u, &v);

@@ -1,6 +1,6 @@
 //! A surrogate of A from all known products: the multisecant update of a multiple of the identity.
 
-use crate::dense::symmetric_largest;
+use crate::dense::{symmetric_eigen, symmetric_largest};
 use crate::rounding::INDEPENDENT;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use faer::Mat;
@@ -14,9 +14,12 @@ use faer::Mat;
 /// For compliant contact a part of A is known, the diagonal C. Then it is the update of B₀ = cI + C: with a basis Z of the span
 /// for which ZᵀB₀Z = I it is B₀ − (B₀Z)(B₀Z)ᵀ + WWᵀ. The part that dependent rows of B have by C alone is then known from the
 /// start, and c is the curvature of the rest.
+///
+/// Where the surrogate of a similar A is known, it is B₀ = cI + Σ ± ttᵀ: the trace t of an eigenvector is as long as the root of its
+/// eigenvalue's distance from c.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surrogate {
-    /// c: the curvature of q along the last new direction, across the span of those before it.
+    /// c: the curvature of q along the last new direction, across the span of those before it. With traces it stays as it is.
     base: f64,
     /// Pairs kept at most.
     most: usize,
@@ -26,7 +29,11 @@ pub(super) struct Surrogate {
     basis: Vec<Vec<f64>>,
     /// The diagonal of C; empty where all contact is hard.
     compliance: Vec<f64>,
-    /// B₀Z, where there is a C.
+    /// Traces with their signs; none where there is a C.
+    traces: Vec<(Vec<f64>, f64)>,
+    /// S of [`Scaled`](super::scaling::Scaled), in whose multipliers all of this is; empty for the identity.
+    scale: Vec<f64>,
+    /// B₀Z, unless B₀ = cI.
     weighted: Vec<Vec<f64>>,
     /// A bound of the error of each image, in the norm of A⁻¹, in which the image itself has length one.
     errors: Vec<f64>,
@@ -47,6 +54,10 @@ const CLEAR: f64 = 16.0;
 /// Pairs that are kept for another C, the latest: making them anew takes as long as the square of their number.
 const KEPT: usize = 40;
 
+/// Traces that are kept: those of the eigenvalues that differ most from c. With 20 of them `examples/hose.toml` takes 292 products,
+/// 212 to 254 with 40, 60 and 150, and 428 without any.
+const TRACES: usize = 60;
+
 impl Surrogate {
     /// Pairs.
     pub fn len(&self) -> usize {
@@ -55,14 +66,19 @@ impl Surrogate {
 
     /// Whether its directions have this many entries.
     pub fn fits_length(&self, len: usize) -> bool {
-        self.directions.iter().all(|d| d.len() == len)
+        let mut all = (self.directions.iter()).chain(self.traces.iter().map(|trace| &trace.0));
+        all.all(|d| d.len() == len)
     }
 
-    /// Sets c for the first step, before any product, the number of pairs to keep, and C. Pairs of a solve with another C get the
-    /// images that they have with this one.
-    pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64]) {
+    /// Sets c for the first step, before any product, the number of pairs to keep, C, and S (empty for the identity). Pairs of a solve
+    /// with another C get the images that they have with this one.
+    pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64], scale: &[f64]) {
         (self.most, self.is_strict) = (most, false);
-        if self.len() == 0 {
+        self.take_scale(scale);
+        if !compliance.is_empty() {
+            self.traces.clear();
+        }
+        if !self.is_known() {
             self.base = base;
         }
         let before = std::mem::replace(&mut self.compliance, compliance.to_vec());
@@ -78,6 +94,7 @@ impl Surrogate {
             base: self.base,
             most,
             compliance: compliance.to_vec(),
+            scale: std::mem::take(&mut self.scale),
             ..Self::default()
         };
         let of = |c: &[f64], i: usize| c.get(i).copied().unwrap_or(0.0);
@@ -93,6 +110,79 @@ impl Surrogate {
         self.settle();
     }
 
+    /// Takes S. What traces know of rows with another factor is forgotten.
+    fn take_scale(&mut self, scale: &[f64]) {
+        let of = |scale: &[f64], i: usize| scale.get(i).copied().unwrap_or(1.0);
+        for (trace, _) in &mut self.traces {
+            for (i, t) in trace.iter_mut().enumerate() {
+                if of(scale, i) != of(&self.scale, i) {
+                    *t = 0.0;
+                }
+            }
+        }
+        self.scale = scale.to_vec();
+    }
+
+    /// Becomes B₀ of a similar A. `change` takes vectors to its rows: orthogonally, except for rows that are lost, so that it stays
+    /// positive definite. `factors` does so with S, whose rows do not mix. With a C nothing is kept.
+    pub fn renew(
+        &mut self,
+        change: impl Fn(&[f64]) -> Vec<f64>,
+        factors: impl Fn(&[f64]) -> Vec<f64>,
+    ) {
+        let before = std::mem::take(self);
+        if !before.compliance.is_empty() || !before.is_known() {
+            return;
+        }
+        let columns: Vec<(Vec<f64>, f64)> = (before.columns())
+            .map(|(column, factor, sign)| (column.iter().map(|v| factor * v).collect(), sign))
+            .collect();
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for (column, _) in &columns {
+            let mut q = across(column, &basis);
+            let length = norm(&q);
+            if length > INDEPENDENT * norm(column) {
+                q.iter_mut().for_each(|v| *v /= length);
+                basis.push(q);
+            }
+        }
+        let n = basis.len();
+        let parts = Mat::from_fn(n, columns.len(), |i, j| dot(&basis[i], &columns[j].0));
+        let small = Mat::from_fn(n, n, |i, j| {
+            let each = columns.iter().enumerate();
+            each.map(|(k, (_, sign))| sign * parts[(i, k)] * parts[(j, k)])
+                .sum()
+        });
+        let Some((values, vectors)) = symmetric_eigen(&small) else {
+            return;
+        };
+        let base = before.base;
+        // Above −c, except for rounding.
+        let value = |j: usize| values[j].max((INDEPENDENT - 1.0) * base);
+        let apart = |j: &usize| (value(*j) / base).ln_1p().abs();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| apart(b).total_cmp(&apart(a)));
+        order.truncate(TRACES);
+        let traces = order.into_iter().map(|j| {
+            let value = value(j);
+            let mut trace = vec![0.0; columns[0].0.len()];
+            for (i, q) in basis.iter().enumerate() {
+                add_times(value.abs().sqrt() * vectors[(i, j)], q, &mut trace);
+            }
+            (change(&trace), value.signum())
+        });
+        self.base = base;
+        self.traces = traces.collect();
+        if !before.scale.is_empty() {
+            self.scale = factors(&before.scale);
+        }
+    }
+
+    /// Whether it knows more than c and C.
+    pub fn is_known(&self) -> bool {
+        self.len() > 0 || !self.traces.is_empty()
+    }
+
     /// c.
     pub fn base(&self) -> f64 {
         self.base
@@ -101,7 +191,9 @@ impl Surrogate {
     /// An estimate of the largest eigenvalue of A from the products: from below, and close after a few of them, because
     /// steps follow the directions in which A is large.
     pub fn largest(&self) -> f64 {
-        self.largest.max(self.base + self.softest())
+        let of_traces = self.traces.iter().filter(|trace| trace.1 > 0.0);
+        let longest = of_traces.fold(0.0, |max: f64, (t, _)| max.max(dot(t, t)));
+        self.largest.max(self.base + longest + self.softest())
     }
 
     /// The largest entry of C.
@@ -114,14 +206,26 @@ impl Surrogate {
         base + self.compliance.get(i).copied().unwrap_or(0.0)
     }
 
-    /// The columns of [B₀Z, W] (with C = 0 that is [√c Q, W]) with their factor, and their sign in Ã − B₀.
+    /// The number of [`Surrogate::columns`].
+    pub fn n_columns(&self) -> usize {
+        2 * self.len() + self.traces.len()
+    }
+
+    /// The traces and the columns of [B₀Z, W] (with B₀ = cI that is [√c Q, W]) with their factor, and their sign in Ã − cI − C.
     pub fn columns(&self) -> impl Iterator<Item = (&[f64], f64, f64)> {
-        let (basis, root) = match self.compliance.is_empty() {
+        let (basis, root) = match self.is_plain() {
             true => (&self.basis, self.base.sqrt()),
             false => (&self.weighted, 1.0),
         };
-        let basis = basis.iter().map(move |q| (q.as_slice(), root, -1.0));
-        basis.chain(self.images.iter().map(|w| (w.as_slice(), 1.0, 1.0)))
+        let traces = self.traces.iter();
+        (traces.map(|(trace, sign)| (trace.as_slice(), 1.0, *sign)))
+            .chain(basis.iter().map(move |q| (q.as_slice(), root, -1.0)))
+            .chain(self.images.iter().map(|w| (w.as_slice(), 1.0, 1.0)))
+    }
+
+    /// Whether B₀ = cI.
+    fn is_plain(&self) -> bool {
+        self.compliance.is_empty() && self.traces.is_empty()
     }
 
     /// Ã p.
@@ -187,7 +291,7 @@ impl Surrogate {
 
     /// Finds the quantities that follow from all pairs.
     fn settle(&mut self) {
-        if !self.compliance.is_empty() {
+        if !self.is_plain() {
             self.weigh();
         }
         self.find_largest();
@@ -235,7 +339,7 @@ impl Surrogate {
         let direction = &self.directions[self.len() - 1];
         let given = self.compliance.iter().zip(direction);
         let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
-        if part > INDEPENDENT {
+        if part > INDEPENDENT && self.traces.is_empty() {
             self.base = part / (length * length);
         }
         None
@@ -245,9 +349,13 @@ impl Surrogate {
     fn weigh(&mut self) {
         let times = |x: &[f64]| -> Vec<f64> {
             let entries = x.iter().enumerate();
-            entries
+            let mut image: Vec<f64> = entries
                 .map(|(i, x)| self.diagonal(i, self.base) * x)
-                .collect()
+                .collect();
+            for (trace, sign) in &self.traces {
+                add_times(sign * dot(trace, x), trace, &mut image);
+            }
+            image
         };
         let (mut basis, mut weighted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
         // The basis that is orthonormal for C = 0 is nearly so otherwise.
@@ -285,13 +393,7 @@ impl Surrogate {
 
     /// Adds the direction with number k to the basis; returns its length across those before it.
     fn extend_basis(&mut self, k: usize) -> f64 {
-        let mut q = self.directions[k].clone();
-        for _ in 0..2 {
-            for other in &self.basis {
-                let c = dot(other, &q);
-                add_times(-c, other, &mut q);
-            }
-        }
+        let mut q = across(&self.directions[k], &self.basis);
         let length = norm(&q);
         q.iter_mut().for_each(|v| *v /= length);
         self.basis.push(q);
@@ -306,6 +408,18 @@ impl Surrogate {
         // 0 for the NaN of no pairs at all.
         self.largest = symmetric_largest(&gram).max(0.0);
     }
+}
+
+/// The part of x across an orthonormal basis.
+fn across(x: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
+    let mut x = x.to_vec();
+    for _ in 0..2 {
+        for other in basis {
+            let c = dot(other, &x);
+            add_times(-c, other, &mut x);
+        }
+    }
+    x
 }
 
 #[cfg(test)]
@@ -327,7 +441,7 @@ mod tests {
 
     fn filled(len: usize, pairs: usize) -> (Surrogate, Vec<Vec<f64>>) {
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, MOST, &[]);
+        surrogate.prepare(2.0, MOST, &[], &[]);
         let numbers = scatter(len * pairs);
         let directions: Vec<Vec<f64>> = numbers.chunks(len).map(<[f64]>::to_vec).collect();
         for v in &directions {
@@ -371,7 +485,7 @@ mod tests {
         let c = |factor: f64| -> Vec<f64> { (0..len).map(|i| factor * given[i % 3]).collect() };
         let (mut surrogate, directions) = filled(len, 12);
         for compliance in [c(1.0), c(4.0), Vec::new(), c(0.5)] {
-            surrogate.prepare(2.0, MOST, &compliance);
+            surrogate.prepare(2.0, MOST, &compliance, &[]);
             assert_eq!(surrogate.len(), 12);
             for v in &directions {
                 let given_way = |i: usize| compliance.get(i).copied().unwrap_or(0.0) * v[i];
@@ -382,6 +496,58 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// The surrogate of a similar A keeps what is known in rows that remain, and learns on top of it.
+    #[test]
+    fn what_is_known_serves_another_a() {
+        let (len, lost) = (40, 3);
+        let (mut surrogate, directions) = filled(len, 12);
+        let goal = surrogate.times(&directions[5]);
+        // The rows in the reverse order, the last of them lost.
+        let change = |v: &[f64]| -> Vec<f64> {
+            let kept = v.iter().rev().take(len - lost).copied();
+            kept.chain([0.0; 3]).collect()
+        };
+        let same = |v: &[f64]| v.to_vec();
+        let mut renewed = surrogate.clone();
+        renewed.renew(same, same);
+        renewed.prepare(7.0, MOST, &[], &[]);
+        assert_eq!((renewed.len(), renewed.base()), (0, surrogate.base()));
+        for (found, goal) in renewed.times(&directions[5]).iter().zip(&goal) {
+            assert!((found - goal).abs() < 1e-12, "{found} {goal}");
+        }
+        surrogate.renew(change, same);
+        surrogate.prepare(7.0, MOST, &[], &[]);
+        let others = scatter(len * 30);
+        let mut all = others.chunks(len);
+        for p in all.clone() {
+            let energy = dot(p, &surrogate.times(p));
+            assert!(energy > 0.5 * dot(p, p) && energy < 9.0 * dot(p, p));
+        }
+        // Another A: pairs are met exactly, and it stays positive.
+        for v in all.by_ref().take(8) {
+            let image: Vec<f64> = times_a(v).iter().map(|w| 1.5 * w).collect();
+            surrogate.add(v, &image, 0.0, 0.0);
+        }
+        assert_eq!(surrogate.n_columns(), 2 * 8 + 12 * 2);
+        for v in others.chunks(len).take(8) {
+            for (found, goal) in surrogate.times(v).iter().zip(times_a(v)) {
+                assert!((found - 1.5 * goal).abs() < 1e-11, "{found} {goal}");
+            }
+        }
+        for p in all {
+            let energy = dot(p, &surrogate.times(p));
+            assert!(energy > 0.5 * dot(p, p) && energy < 13.0 * dot(p, p));
+        }
+        // Another S in one row.
+        let mut scale = vec![1.0; len];
+        scale[7] = 4.0;
+        surrogate.renew(same, same);
+        surrogate.prepare(7.0, MOST, &[], &scale);
+        let mut unit = vec![0.0; len];
+        unit[7] = 1.0;
+        assert_eq!(surrogate.times(&unit)[7], surrogate.base());
     }
 
     #[test]
@@ -398,7 +564,7 @@ mod tests {
             norm(&crate::sparse::difference(&surrogate.times(v), &image)) / norm(&image)
         };
         let mut surrogate = Surrogate::default();
-        surrogate.prepare(2.0, MOST, &[]);
+        surrogate.prepare(2.0, MOST, &[], &[]);
         for v in &directions {
             surrogate.add(v, &off(v, 0.05), 0.1, 0.0);
         }

@@ -27,7 +27,7 @@ use std::array::from_fn;
 use std::collections::{BTreeSet, HashMap};
 
 /// v after the turn that takes one unit vector to another by the shortest way.
-fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
+pub(crate) fn turned_with<const D: usize>(v: [f64; D], from: [f64; D], to: [f64; D]) -> [f64; D] {
     // Two reflections, v ↦ v − 2 n (n·v): in the plane across `from`, then in the plane across the bisector of both.
     let half: [f64; D] = from_fn(|c| from[c] + to[c]);
     let size = dot(half, half);
@@ -124,6 +124,8 @@ impl<const D: usize> Touch<D> {
 pub(super) struct Meeting<const D: usize> {
     pub touches: Vec<Touch<D>>,
     pub bends: Vec<Bend<D>>,
+    /// For each of them, the number of the one that it was in the configuration before.
+    pub from: Vec<Option<usize>>,
     /// Whether they are those of the configuration before.
     pub is_alike: bool,
 }
@@ -146,11 +148,14 @@ fn foot<const D: usize>(obstacle: &Obstacle<D>, x: [f64; D]) -> (f64, [f64; D], 
     (distance, normal, from_fn(|c| x[c] + distance * normal[c]))
 }
 
-/// Of the places of a pair, in the order of pairs.
+/// The number of the first place of a pair; places are in the order of pairs.
+fn first_of<const D: usize>(touches: &[Touch<D>], pair: u32) -> usize {
+    touches.partition_point(|touch| touch.pair < pair)
+}
+
+/// The places of a pair.
 pub(super) fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touch<D>] {
-    let begin = touches.partition_point(|touch| touch.pair < pair);
-    let end = touches.partition_point(|touch| touch.pair <= pair);
-    &touches[begin..end]
+    &touches[first_of(touches, pair)..first_of(touches, pair + 1)]
 }
 
 /// Places nearer to each other than this part of the largest coordinate are at one point.
@@ -290,18 +295,22 @@ where
         let mut met = Meeting {
             touches: Vec::with_capacity(self.candidates.len()),
             bends: Vec::new(),
+            from: Vec::with_capacity(self.candidates.len()),
             is_alike: true,
         };
         for pair in 0..self.pairs.len() as u32 {
             let [now_of, before_of] =
                 [&now.touches, &before.touches].map(|touches| of_pair(touches, pair));
+            let first_now = first_of(&now.touches, pair);
             let pair_acts = moments[1].acts(pair);
             if self.pairs[pair as usize].slides() {
                 if !pair_acts {
                     met.is_alike &= now_of.is_empty();
                     continue;
                 }
+                let begin = met.from.len();
                 self.meet_bodies(moved, [now_of, before_of], moments[1], pair, &mut met)?;
+                (met.from[begin..].iter_mut().flatten()).for_each(|from| *from += first_now);
                 continue;
             }
             let begin = self.candidates.partition_point(|place| place.1 < pair);
@@ -370,6 +379,7 @@ where
                     touch.force = was.force_along(&touch.place.frame);
                 }
                 touch.idle = !acts;
+                met.from.push(Some(first_now + k));
                 met.touches.push(touch);
             }
         }
@@ -608,6 +618,7 @@ where
         let mut order: Vec<usize> = (0..touches.len()).collect();
         order.sort_by_key(|&i| of_now[i].unwrap_or(usize::MAX));
         met.is_alike &= touches.len() == now.len() && of_now.iter().all(Option::is_some);
+        met.from.extend(order.iter().map(|&i| of_now[i]));
         met.touches
             .extend(order.into_iter().map(|i| touches[i].clone()));
         Ok(())

@@ -277,3 +277,38 @@ fn cooks_membrane() {
     assert!(tips.is_sorted() && tips[0] > 0.995 * tips[2], "{tips:?}");
     assert!((tips[2] - 6.926).abs() < 1e-3, "{tips:?}");
 }
+
+/// A ball is pressed into rubber by half its radius: the forces of a coarse and of a finer mesh.
+#[test]
+fn a_ball_is_pressed_into_rubber() {
+    let pressed = |cells: [usize; 3]| {
+        let shape = SolidShape::Hexahedron;
+        let mut mesh = block([0.0; 3], [1.0; 3], cells, shape, "rubber", "");
+        for x in &mut mesh.nodes {
+            // A quarter; cells are smaller below the ball.
+            *x = [
+                1.5 * x[0].powf(1.4),
+                1.5 * x[1].powf(1.4),
+                1.25 * (x[2] - 1.0),
+            ];
+        }
+        let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+        let ball = Obstacle::Sphere {
+            center: [0.0, 0.0, 1.0],
+            radius: 1.0,
+        };
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(neo_hooke(1.0, 0.499))
+            .support(Support::on("bottom").fixed())
+            .support(Support::on("left").x(0.0))
+            .support(Support::on("front").y(0.0))
+            .contact(Pair::obstacle("top", ball).moving(Motion::shift([0.0, 0.0, -0.5])))
+            .steps([0.25, 0.5, 0.75, 1.0]);
+        let ends = solved_in_space(model, 1e-8, Cholesky);
+        assert_quick(&ends, 10.0);
+        -ends[3].force()[2]
+    };
+    let [coarse, fine] = [[4, 4, 3], [6, 6, 5]].map(pressed);
+    assert!((coarse / fine - 1.0).abs() < 0.005, "{coarse} {fine}");
+}

@@ -465,3 +465,39 @@ fn a_beam_snaps_over_a_bump() {
         assert!(signs.is_sorted_by(|a, b| a >= b), "{signs:?}");
     }
 }
+
+/// A block is pushed into a rigid channel by 1.3 of its length. Inside it is in a uniform state: the force on the wall follows from the
+/// law of the material.
+#[test]
+fn a_block_is_pushed_into_a_channel() {
+    let (height, mouth): (f64, usize) = (0.95, 16);
+    for coulomb in [0.0, 0.2] {
+        let block = part([-2.4, 0.0], [2.0, 1.0], [16, 6], "block");
+        let mut wall = part([0.0; 2], [2.0 * mouth as f64, 1.0], [2 * mouth, 1], "wall");
+        for x in &mut wall.nodes {
+            // A third of a quarter of a turn of radius 1, then straight on.
+            let along = x[0] / mouth as f64 - 1.0;
+            let angle = -PI / 3.0 * along.min(0.0);
+            *x = [
+                3.0 * along.max(0.0) - angle.sin(),
+                height + 1.0 - angle.cos() + x[1],
+            ];
+        }
+        let steps: Vec<f64> = (1..=26).map(|step| f64::from(step) / 26.0).collect();
+        let model = Model::on(join(block, wall))
+            .large_displacements()
+            .material(neo_hooke(1.0, 0.3))
+            .support(Support::on("block-left").x(2.6))
+            .support(Support::on("block-bottom").y(0.0))
+            .support(Support::on(["wall-bottom", "wall-top"]).fixed())
+            .contact(Pair::new("block-top", "wall-bottom").coulomb(coulomb))
+            .steps(steps);
+        let ends = solved(model, 1e-9, Cholesky);
+        assert_quick(&ends, 9.0);
+        let [along, across] = ends[25].force();
+        match coulomb {
+            0.0 => assert!((across + 0.114_879_00).abs() < 1e-8, "{across}"),
+            _ => assert!((along / across - coulomb).abs() < 1e-8, "{along} {across}"),
+        }
+    }
+}
