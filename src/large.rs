@@ -102,10 +102,17 @@ where
     begin: Instant,
     limit: Option<Duration>,
     rounds: Vec<Round>,
-    /// What is known of A from the configurations before, in the rows of the last one.
+    known: Known<D>,
+}
+
+/// What is known of A from the configurations before.
+#[derive(Clone)]
+struct Known<const D: usize> {
     recycled: RecycledSubspace,
-    /// The row of each of its contact places.
+    /// The row of each contact place of the last configuration.
     rows: Vec<Option<Row<D>>>,
+    /// The remedy of its tangent, and whether this was replaced.
+    tangent: (Help, bool),
 }
 
 /// Whether K is singular or not definite.
@@ -119,6 +126,72 @@ fn is_indefinite(error: &Error) -> bool {
             _ => false,
         },
         _ => false,
+    }
+}
+
+impl<const D: usize> Known<D> {
+    /// Nothing.
+    fn new() -> Self {
+        Self {
+            recycled: RecycledSubspace::default(),
+            rows: Vec::new(),
+            tangent: (HELP[0], false),
+        }
+    }
+
+    /// Carries it over to the rows of the next configuration.
+    fn renew(&mut self, at: &Configuration<D>)
+    where
+        ElementKind: Space<D>,
+    {
+        let m = at.contact.places.len();
+        let before = std::mem::replace(&mut self.rows, vec![None; at.touches.len()]);
+        for (row, i, place) in at.contact.numbered() {
+            self.rows[i] = Some((row, place.frame));
+        }
+        let moved_to = |(now, from): (&Option<Row<D>>, &Option<usize>)| {
+            let was = before.get((*from)?).copied().flatten()?;
+            Some((was, (*now)?))
+        };
+        let moved = self.rows.iter().zip(&at.from);
+        let moved: Vec<_> = moved.filter_map(moved_to).collect();
+        let soft = at.problem.compliance();
+        // Directions turn with the normal. Rows without entries would have forces that nothing takes back.
+        let turned = |v: &[f64]| {
+            let mut new = vec![0.0; D * m];
+            for &((was, old_frame), (row, frame)) in &moved {
+                let entries = constraint::at::<D>(v, was);
+                let mut along = [0.0; D];
+                for (entry, way) in entries.iter().zip(&old_frame).skip(1) {
+                    (0..D).for_each(|c| along[c] += entry * way[c]);
+                }
+                let along = turned_with(along, old_frame[0], frame[0]);
+                new[row] = entries[0];
+                for (a, way) in frame.iter().enumerate().skip(1) {
+                    new[row_of::<D>(m, row, a)] = dot(along, *way);
+                }
+            }
+            (new.iter_mut().zip(soft)).for_each(|(v, soft)| *v *= f64::from(u8::from(*soft > 0.0)));
+            new
+        };
+        let factors = |v: &[f64]| {
+            let mut new = vec![0.0; D * m];
+            for &((was, _), (row, _)) in &moved {
+                for (a, entry) in constraint::at::<D>(v, was).into_iter().enumerate() {
+                    new[row_of::<D>(m, row, a)] = entry;
+                }
+            }
+            new
+        };
+        self.recycled.renew(turned, factors);
+    }
+
+    /// Forgets what belongs to a tangent with other remedies than this one.
+    fn check(&mut self, tangent: (Help, bool)) {
+        if self.tangent != tangent {
+            self.recycled = RecycledSubspace::default();
+            self.tangent = tangent;
+        }
     }
 }
 
@@ -136,48 +209,6 @@ where
         settings
     }
 
-    /// Takes over what is known of A to the rows of the next configuration.
-    fn renew(&mut self, at: &Configuration<D>) {
-        let m = at.contact.places.len();
-        let before = std::mem::replace(&mut self.rows, vec![None; at.touches.len()]);
-        for (row, i, place) in at.contact.numbered() {
-            self.rows[i] = Some((row, place.frame));
-        }
-        let moved_to = |(now, from): (&Option<Row<D>>, &Option<usize>)| {
-            let was = before.get((*from)?).copied().flatten()?;
-            Some((was, (*now)?))
-        };
-        let moved = self.rows.iter().zip(&at.from);
-        let moved: Vec<_> = moved.filter_map(moved_to).collect();
-        // Directions turn with the normal.
-        let turned = |v: &[f64]| {
-            let mut new = vec![0.0; D * m];
-            for &((was, old_frame), (row, frame)) in &moved {
-                let entries = constraint::at::<D>(v, was);
-                let mut along = [0.0; D];
-                for (entry, way) in entries.iter().zip(&old_frame).skip(1) {
-                    (0..D).for_each(|c| along[c] += entry * way[c]);
-                }
-                let along = turned_with(along, old_frame[0], frame[0]);
-                new[row] = entries[0];
-                for (a, way) in frame.iter().enumerate().skip(1) {
-                    new[row_of::<D>(m, row, a)] = dot(along, *way);
-                }
-            }
-            new
-        };
-        let factors = |v: &[f64]| {
-            let mut new = vec![0.0; D * m];
-            for &((was, _), (row, _)) in &moved {
-                for (a, entry) in constraint::at::<D>(v, was).into_iter().enumerate() {
-                    new[row_of::<D>(m, row, a)] = entry;
-                }
-            }
-            new
-        };
-        self.recycled.renew(turned, factors);
-    }
-
     /// Solves the problem of a configuration.
     fn solve(
         &mut self,
@@ -193,10 +224,13 @@ where
             &at.state,
             &mut *self.engine,
             &settings,
-            &mut self.recycled,
+            &mut self.known.recycled,
             watch,
         );
         let solution = solved.map_err(Box::new)?;
+        if solution.status != Status::Converged {
+            self.known.recycled = RecycledSubspace::default();
+        }
         for round in &solution.rounds {
             self.rounds.push(Round {
                 round: self.rounds.len() + 1,
@@ -227,10 +261,7 @@ where
                     .elastic
                     .configuration(before, moments, now, first, help)?,
             };
-            if help != HELP[0] {
-                // K is another one.
-                self.recycled = RecycledSubspace::default();
-            }
+            self.known.check((help, at.is_replaced));
             match self.solve(&at, tolerance, watch) {
                 Ok(solution) => return Ok(Some((at, solution))),
                 Err(error) if is_indefinite(&error) => failed = Some(error),
@@ -269,7 +300,7 @@ where
                 }
                 made => made?,
             };
-            self.renew(&at);
+            self.known.renew(&at);
             if !first {
                 let violation = at.violation();
                 let off = norm_max(&[violation.max(), at.unmoved(&now.displacement)]);
@@ -524,8 +555,7 @@ where
         begin: Instant::now(),
         limit: settings.ssnm.time_limit,
         rounds: Vec::new(),
-        recycled: RecycledSubspace::default(),
-        rows: Vec::new(),
+        known: Known::new(),
     };
     let mut before = elastic.undeformed();
     let mut from = elastic.moment(0.0)?;
@@ -555,6 +585,7 @@ where
             };
             let to = elastic.moment(to_time)?;
             let mut watch = |event: quasistatic::Event| observer(Event::Within(event));
+            let known = process.known.clone();
             match process.step(&before, [&from, &to], &mut watch)? {
                 Ok(reached) => {
                     before.clone_from(&reached.settled);
@@ -575,9 +606,7 @@ where
                     break;
                 }
                 Err(Ended::Lost(bodies)) => {
-                    // The rows are no longer those of the state before.
-                    process.rows.clear();
-                    process.recycled = RecycledSubspace::default();
+                    process.known = known;
                     longest = 0.5 * longest.min(to_time - time);
                     if longest < 0.5_f64.powi(CUTS) {
                         failed = Some(match bodies.is_empty() {

@@ -149,7 +149,7 @@ pub(crate) struct Configuration<const D: usize> {
     pub lambda: Vec<f64>,
     /// The contact places, with the forces of the configuration before.
     pub touches: Vec<Touch<D>>,
-    /// For each of them, the number of the one that it was in the configuration before.
+    /// For each place, the number of the one that it was in the configuration before.
     pub from: Vec<Option<usize>>,
     /// Whether they are those of the configuration before.
     pub is_alike: bool,

@@ -149,7 +149,7 @@ impl WarmStart<'_> {
 }
 
 /// Known products with A, and its spectrum: valid for every load, gap, slip bound and coefficient of friction, as long
-/// as K, N and T stay the same.
+/// as K, N and T stay the same. With large displacements it begins as what is known of a similar A.
 #[derive(Clone, Debug, Default)]
 pub struct RecycledSubspace {
     /// Products with A that earlier solves have made.

@@ -229,7 +229,8 @@ impl<const D: usize> Newton<'_, D> {
     }
 
     /// Computes r at the point of err⁰ and moves to λ⁰. If products of earlier solves cover the difference between the two,
-    /// and the former would cost one, it is the other way round: err⁰ serves only as the reference.
+    /// and the former would cost one, it is the other way round: err⁰ serves only as the reference. So it is where a similar A is known,
+    /// unless λ⁰ seems to be far worse than none.
     fn start(&mut self, way: &mut Way<D>, initial: Option<&[f64]>) -> Result<(), DualError> {
         let target = initial.map(|initial| {
             let mut target = initial.to_vec();
@@ -244,12 +245,16 @@ impl<const D: usize> Newton<'_, D> {
             return Ok(());
         };
         if costs && self.surrogate.is_known() {
-            way.point.lambda = target;
+            way.point.lambda.clone_from(&target);
             way.point.r = self.products.first(&self.offsets, &way.point.lambda)?;
             let back = difference(&way.first.lambda, &way.point.lambda);
             way.first.r.clone_from(&way.point.r);
             add_times(1.0, &self.surrogate.times(&back), &mut way.first.r);
-            return Ok(());
+            let is_near = self.surrogate.len() > 0
+                || self.error(&way.point) <= self.numbers.growth * self.error(&way.first);
+            if is_near {
+                return Ok(());
+            }
         }
         way.first.r = self.products.first(&self.offsets, &way.first.lambda)?;
         way.point.clone_from(&way.first);

@@ -1,4 +1,4 @@
-//! A surrogate of A from all known products: the multisecant update of a multiple of the identity.
+//! A surrogate of A from all known products: the multisecant update of a multiple of the identity, or of what a similar A has left.
 
 use crate::dense::{symmetric_eigen, symmetric_largest};
 use crate::rounding::INDEPENDENT;
@@ -15,8 +15,8 @@ use faer::Mat;
 /// for which ZᵀB₀Z = I it is B₀ − (B₀Z)(B₀Z)ᵀ + WWᵀ. The part that dependent rows of B have by C alone is then known from the
 /// start, and c is the curvature of the rest.
 ///
-/// Where the surrogate of a similar A is known, it is B₀ = cI + Σ ± ttᵀ: the trace t of an eigenvector is as long as the root of its
-/// eigenvalue's distance from c.
+/// Where the surrogate of a similar A is known, it is B₀ = cI + Σ ± ttᵀ. A trace t is one of its eigenvectors, of the length √|λ − c| for
+/// the eigenvalue λ.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surrogate {
     /// c: the curvature of q along the last new direction, across the span of those before it. With traces it stays as it is.
@@ -35,6 +35,8 @@ pub(super) struct Surrogate {
     scale: Vec<f64>,
     /// B₀Z, unless B₀ = cI.
     weighted: Vec<Vec<f64>>,
+    /// The curvature of q along the last new direction, across the span of those before it; 0 before the first.
+    curvature: f64,
     /// A bound of the error of each image, in the norm of A⁻¹, in which the image itself has length one.
     errors: Vec<f64>,
     /// WᵀW up to the diagonal, row by row.
@@ -110,7 +112,7 @@ impl Surrogate {
         self.settle();
     }
 
-    /// Takes S. What traces know of rows with another factor is forgotten.
+    /// Takes S. Traces lose the rows with another factor; those without any row go.
     fn take_scale(&mut self, scale: &[f64]) {
         let of = |scale: &[f64], i: usize| scale.get(i).copied().unwrap_or(1.0);
         for (trace, _) in &mut self.traces {
@@ -121,6 +123,7 @@ impl Surrogate {
             }
         }
         self.scale = scale.to_vec();
+        self.traces.retain(|(trace, _)| norm_max(trace) > 0.0);
     }
 
     /// Becomes B₀ of a similar A. `change` takes vectors to its rows: orthogonally, except for rows that are lost, so that it stays
@@ -156,15 +159,19 @@ impl Surrogate {
         let Some((values, vectors)) = symmetric_eigen(&small) else {
             return;
         };
-        let base = before.base;
-        // Above −c, except for rounding.
-        let value = |j: usize| values[j].max((INDEPENDENT - 1.0) * base);
-        let apart = |j: &usize| (value(*j) / base).ln_1p().abs();
+        // c follows the last direction, as without traces; the eigenvalues stay.
+        let base = match before.curvature > 0.0 {
+            true => before.curvature,
+            false => before.base,
+        };
+        // Positive, except for rounding.
+        let eigenvalue = |j: usize| (before.base + values[j]).max(INDEPENDENT * base);
+        let apart = |j: &usize| (eigenvalue(*j) / base).ln().abs();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| apart(b).total_cmp(&apart(a)));
         order.truncate(TRACES);
         let traces = order.into_iter().map(|j| {
-            let value = value(j);
+            let value = eigenvalue(j) - base;
             let mut trace = vec![0.0; columns[0].0.len()];
             for (i, q) in basis.iter().enumerate() {
                 add_times(value.abs().sqrt() * vectors[(i, j)], q, &mut trace);
@@ -339,8 +346,11 @@ impl Surrogate {
         let direction = &self.directions[self.len() - 1];
         let given = self.compliance.iter().zip(direction);
         let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
-        if part > INDEPENDENT && self.traces.is_empty() {
-            self.base = part / (length * length);
+        if part > INDEPENDENT {
+            self.curvature = part / (length * length);
+            if self.traces.is_empty() {
+                self.base = self.curvature;
+            }
         }
         None
     }
@@ -358,7 +368,7 @@ impl Surrogate {
             image
         };
         let (mut basis, mut weighted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
-        // The basis that is orthonormal for C = 0 is nearly so otherwise.
+        // For C = 0 and without traces the basis is orthonormal already.
         for q in &self.basis {
             let mut z = q.clone();
             for _ in 0..2 {
@@ -507,7 +517,7 @@ mod tests {
         // The rows in the reverse order, the last of them lost.
         let change = |v: &[f64]| -> Vec<f64> {
             let kept = v.iter().rev().take(len - lost).copied();
-            kept.chain([0.0; 3]).collect()
+            kept.chain(vec![0.0; lost]).collect()
         };
         let same = |v: &[f64]| v.to_vec();
         let mut renewed = surrogate.clone();

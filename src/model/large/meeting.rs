@@ -123,10 +123,10 @@ impl<const D: usize> Touch<D> {
 /// The contact places at a configuration.
 pub(super) struct Meeting<const D: usize> {
     pub touches: Vec<Touch<D>>,
-    pub bends: Vec<Bend<D>>,
-    /// For each of them, the number of the one that it was in the configuration before.
+    /// For each place, the number of the one that it was in the configuration before.
     pub from: Vec<Option<usize>>,
-    /// Whether they are those of the configuration before.
+    pub bends: Vec<Bend<D>>,
+    /// Whether the places are those of the configuration before.
     pub is_alike: bool,
 }
 
