@@ -155,7 +155,8 @@ impl<const D: usize> Known<D> {
         };
         let moved = self.rows.iter().zip(&at.from);
         let moved: Vec<_> = moved.filter_map(moved_to).collect();
-        let soft = at.problem.compliance();
+        let b = at.problem.contact_matrix();
+        let is_empty = |row: usize| b.row(row).1.iter().all(|v| v[0][0] == 0.0);
         // Directions turn with the normal. Rows without entries would have forces that nothing takes back.
         let turned = |v: &[f64]| {
             let mut new = vec![0.0; D * m];
@@ -171,7 +172,11 @@ impl<const D: usize> Known<D> {
                     new[row_of::<D>(m, row, a)] = dot(along, *way);
                 }
             }
-            (new.iter_mut().zip(soft)).for_each(|(v, soft)| *v *= f64::from(u8::from(*soft > 0.0)));
+            for (row, v) in new.iter_mut().enumerate() {
+                if is_empty(row) {
+                    *v = 0.0;
+                }
+            }
             new
         };
         let factors = |v: &[f64]| {

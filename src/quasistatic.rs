@@ -234,7 +234,7 @@ impl<const D: usize> StepSolution<D> {
 const PUSHED: f64 = 1e-3;
 
 /// Solves one load step from `start`; the operator belongs to `problem`. `recycled` has the pairs of earlier steps with
-/// the same K, N and T; it is empty before the first.
+/// the same K, N and T, or what is known of a similar A.
 ///
 /// # Errors
 /// If a setting is invalid, a size differs from the problem's, or the operator fails; the error keeps the rounds made,

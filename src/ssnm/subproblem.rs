@@ -1,6 +1,6 @@
 //! The contact problem with a surrogate instead of A: Algorithm SSNM in as many unknowns as there are pairs.
 //!
-//! Take Ã = cI + U S Uᵀ, U = [√c Q, W] and S = diag(−1, 1) (`surrogate`). Given s = S Uᵀ(λ − λᵏ) and the change a of
+//! Take Ã = cI + U S Uᵀ with the columns of the surrogate for U, and their signs in S: [√c Q, W] and diag(−1, 1). Given s = S Uᵀ(λ − λᵏ) and the change a of
 //! the motion of the bodies, the conditions of the contact problem at λ are those of a problem with the matrix b I on
 //! each node alone, b = c + τ:
 //!
