@@ -475,7 +475,7 @@ fn a_block_is_pushed_into_a_channel() {
         let block = part([-2.4, 0.0], [2.0, 1.0], [16, 6], "block");
         let mut wall = part([0.0; 2], [2.0 * mouth as f64, 1.0], [2 * mouth, 1], "wall");
         for x in &mut wall.nodes {
-            // A third of a quarter of a turn of radius 1, then straight on.
+            // A sixth of a turn of radius 1, then straight on.
             let along = x[0] / mouth as f64 - 1.0;
             let angle = -PI / 3.0 * along.min(0.0);
             *x = [
