@@ -188,6 +188,19 @@ pub struct Run {
     pub to_come: f64,
 }
 
+impl Run {
+    /// The rest of a run that has come so far.
+    pub(crate) fn after(self, progress: &Progress) -> Self {
+        Self {
+            continues: true,
+            residual: progress.goal.sqrt(),
+            residual_part: 0.0,
+            remaining: self.remaining + self.remaining_part * progress.energy,
+            ..self
+        }
+    }
+}
+
 impl Default for Run {
     /// Starts from zero and has no goal.
     fn default() -> Self {
@@ -257,6 +270,8 @@ pub trait Backend {
     fn norm(&self, x: &[f64]) -> f64;
     /// The work so far.
     fn counters(&self) -> Counters;
+    /// The V-cycles that take as long as a new hierarchy.
+    fn cost_of_hierarchy(&self) -> usize;
 
     /// A vector of `len` zeros.
     fn vector(&mut self, len: usize) -> Result<Self::Vector, BackendError>;

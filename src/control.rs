@@ -86,6 +86,8 @@ pub struct SolveCounts {
     pub iterations: usize,
     /// Iterations asked of a device: those after the end of a run have no effect, but take a little time.
     pub issued: usize,
+    /// Set-ups of the preconditioner.
+    pub set_ups: usize,
 }
 
 /// The work of a backend so far; all zero on the CPU.

@@ -19,6 +19,15 @@ use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
 use faer::Mat;
 
+/// The K of another problem beside the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Change {
+    Same,
+    /// So near that the same preconditioner may do.
+    Near,
+    Other,
+}
+
 /// From this relative residual on, PCG has made no progress.
 const HARDLY_MOVED: f64 = 0.1;
 

@@ -7,7 +7,7 @@ use crate::backend::cpu::copy_bandwidth;
 use crate::backend::gpu::{Ahead, Context, Gpu, GpuError, Speed};
 use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Correction, Costs, Stop};
-use crate::dual::{DirectDual, DualError, DualOperator, NestedDual, plan};
+use crate::dual::{Change, DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
 use crate::problem::{ContactProblem, LoadCase};
 use crate::sparse::Csr;
@@ -343,6 +343,22 @@ impl Engine {
         &mut self,
         problem: &ContactProblem<D>,
     ) -> Result<(), EngineError> {
+        self.switch(problem, Change::Other)
+    }
+
+    /// The same for a K that is near the one before: PCG keeps its preconditioner for as long as this is fast.
+    pub(crate) fn follow<const D: usize>(
+        &mut self,
+        problem: &ContactProblem<D>,
+    ) -> Result<(), EngineError> {
+        self.switch(problem, Change::Near)
+    }
+
+    fn switch<const D: usize>(
+        &mut self,
+        problem: &ContactProblem<D>,
+        change: Change,
+    ) -> Result<(), EngineError> {
         if self.fits(problem) {
             return Ok(());
         }
@@ -351,13 +367,16 @@ impl Engine {
         self.recycled = RecycledSubspace::default();
         let kept = problem.clone();
         self.again = Box::new(move |lost, options, log| again(&kept, lost, options, log));
-        let same_k = before.is_some_and(|[k, _]| k == addresses(problem)[0]);
+        let change = match before {
+            Some([k, _]) if k == addresses(problem)[0] => Change::Same,
+            _ => change,
+        };
         let renewed = match (&mut self.path, before) {
             (_, None) => None,
-            (Path::Cholesky(dual), _) => dual.update(problem, same_k)?,
-            (Path::Cpu(dual), _) => dual.update(problem, same_k)?,
+            (Path::Cholesky(dual), _) => dual.update(problem, change == Change::Same)?,
+            (Path::Cpu(dual), _) => dual.update(problem, change)?,
             #[cfg(feature = "gpu")]
-            (Path::Gpu(dual, _), _) => dual.update(problem, same_k)?,
+            (Path::Gpu(dual, _), _) => dual.update(problem, change)?,
         };
         match renewed {
             Some(renewed) => self.set_ups.renewed += usize::from(renewed),

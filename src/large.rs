@@ -221,7 +221,7 @@ where
         tolerance: f64,
         watch: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
     ) -> Result<StepSolution<D>, Error> {
-        self.engine.update(&at.problem)?;
+        self.engine.follow(&at.problem)?;
         let settings = self.to(tolerance);
         let solved = quasistatic::solve_step(
             &at.problem,

@@ -226,6 +226,11 @@ impl<S: Real> Backend for Cpu<S> {
         Counters::default()
     }
 
+    fn cost_of_hierarchy(&self) -> usize {
+        // 35 on 2 cores at 600 000 unknowns, 18 on 16 cores at 4.7 million.
+        30
+    }
+
     fn vector(&mut self, len: usize) -> Result<Vec<f64>, BackendError> {
         Ok(vec![0.0; len])
     }

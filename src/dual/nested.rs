@@ -1,6 +1,8 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
-use super::{Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side, scatter};
+use super::{
+    Change, Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side, scatter,
+};
 use crate::backend::{Backend, Run};
 use crate::control::Accuracy;
 use crate::problem::{ContactProblem, LoadCase, Vertices};
@@ -8,7 +10,7 @@ use crate::rounding::ROUNDING;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, Csr, norm};
 use crate::stiffness::amg::AmgError;
-use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, UNREACHABLE};
+use crate::stiffness::pcg::{Gather, Pcg, PcgError, Preconditioner, Renewal, UNREACHABLE};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -158,23 +160,27 @@ impl<B: Backend> NestedDual<B> {
         })
     }
 
-    /// Switches to another problem, with the same K if `same_k` is true. Returns whether the preconditioner has new values; None
-    /// if its structure does not fit. After None and after an error the operator is unusable.
+    /// Switches to another problem. Returns whether the preconditioner has new values; None if its structure does not fit. After
+    /// None and after an error the operator is unusable.
     pub(crate) fn update<const D: usize>(
         &mut self,
         problem: &ContactProblem<D>,
-        same_k: bool,
+        change: Change,
     ) -> Result<Option<bool>, PcgError> {
         if [problem.n_rows(), D] != [self.k.n_rows(), self.k.block()] {
             return Ok(None);
         }
         let mut renewed = false;
         // Which unknowns are tied depends on the rows of B.
-        if !same_k || !self.ties.is_empty() {
+        if change != Change::Same || !self.ties.is_empty() {
             let Grounded { k, ties, vertices } = Grounded::of(problem);
-            if !same_k || ties != self.ties {
-                renewed = true;
-                let updated = (self.pcg).update(&k, problem.coordinates(), vertices.as_deref());
+            if change != Change::Same || ties != self.ties {
+                let before = self.pcg.counts.set_ups;
+                let updated = match change {
+                    Change::Near => self.pcg.follow(&k, problem.coordinates(), renewal(problem)),
+                    _ => (self.pcg).update(&k, problem.coordinates(), vertices.as_deref()),
+                };
+                renewed = self.pcg.counts.set_ups > before;
                 match updated {
                     Err(PcgError::Hierarchy(
                         AmgError::OtherPattern { .. } | AmgError::OtherCorners,
@@ -308,6 +314,15 @@ impl<B: Backend> NestedDual<B> {
         y.iter_mut().for_each(|v| *v *= unit);
         Ok(pcg.followed(&outcome?, unit))
     }
+}
+
+/// Makes the preconditioner of a problem when it is needed.
+fn renewal<const D: usize, B: Backend>(problem: &ContactProblem<D>) -> Renewal<B> {
+    let problem = problem.clone();
+    Box::new(move |backend, preconditioner| {
+        let Grounded { k, vertices, .. } = Grounded::of(&problem);
+        preconditioner.rebuild::<D, _>(backend, &k, problem.coordinates(), vertices.as_deref())
+    })
 }
 
 /// The rows of Bᵀ that have entries, as (−Bᵀ, f).

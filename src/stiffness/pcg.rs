@@ -13,9 +13,11 @@ use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use std::sync::Arc;
 
 mod energy;
+mod kept;
 mod refine;
 
 pub(crate) use energy::Falls;
+use kept::{Wear, turned};
 
 /// The reason why K x = b was not solved.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -118,8 +120,13 @@ pub struct Pcg<B: Backend> {
     rate: f64,
     /// How α rᵀz falls from iteration to iteration.
     falls: Falls,
-    /// Iterations of the last two runs to an energy from zero, to one from a given x, and to a residual that is not relative.
+    /// Iterations of the last two runs of each [`kind`].
     last: [[usize; 2]; 3],
+    /// The points of this K, and what makes its preconditioner, where that of an earlier one is kept.
+    renewal: Option<(Vec<f64>, Renewal<B>)>,
+    wear: Wear,
+    /// The points for which it was made, one number after the other.
+    points: Vec<f64>,
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
     /// The costs.
@@ -184,6 +191,23 @@ pub(crate) fn most_iterations(n: usize) -> usize {
     1000 + 30 * n
 }
 
+/// Runs are to an energy from zero, to one from a given x, or to a residual.
+fn kind(goals: &Run) -> usize {
+    match goals.remaining > 0.0 || goals.remaining_part > 0.0 {
+        true => usize::from(goals.continues),
+        false => 2,
+    }
+}
+
+/// Makes a preconditioner.
+pub(crate) type Renewal<B> =
+    Box<dyn FnOnce(&mut B, &mut Multigrid<B>) -> Result<(), PcgError> + Send>;
+
+/// The numbers of points, if they are known.
+fn flat<const D: usize>(points: Option<&[[f64; D]]>) -> Vec<f64> {
+    points.unwrap_or_default().as_flattened().to_vec()
+}
+
 /// A short product y = M x to bring to the host.
 pub(crate) struct Gather<'a, B: Backend> {
     pub rows: &'a B::Rows,
@@ -242,6 +266,7 @@ impl<B: Backend> Pcg<B> {
         vertices: Option<&Vertices<D>>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
+        let points = flat(coordinates);
         // Indispensable data come first: multigrid takes the rest.
         let placed = placed(&mut backend, Arc::clone(k) as _)?;
         let mut fallback = None;
@@ -251,7 +276,7 @@ impl<B: Backend> Pcg<B> {
                     .map_err(PcgError::from)
                     .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
             match made {
-                Ok(made) => return Ok(Self::assemble(backend, placed, made, None)),
+                Ok(made) => return Ok(Self::assemble(backend, placed, made, None, points)),
                 Err(
                     error @ (PcgError::Hierarchy(AmgError::TooLarge)
                     | PcgError::Backend(BackendError::TooLarge { .. })),
@@ -260,7 +285,7 @@ impl<B: Backend> Pcg<B> {
             }
         }
         let made = on_backend(&mut backend, Hierarchy::block_jacobi(k)?)?;
-        Ok(Self::assemble(backend, placed, made, fallback))
+        Ok(Self::assemble(backend, placed, made, fallback, points))
     }
 
     /// As [`Pcg::new`], with a hierarchy made before.
@@ -271,7 +296,7 @@ impl<B: Backend> Pcg<B> {
     ) -> Result<Self, PcgError> {
         let placed = placed(&mut backend, k)?;
         let made = on_backend(&mut backend, hierarchy)?;
-        Ok(Self::assemble(backend, placed, made, None))
+        Ok(Self::assemble(backend, placed, made, None, Vec::new()))
     }
 
     fn assemble(
@@ -279,6 +304,7 @@ impl<B: Backend> Pcg<B> {
         (k, matrix, scale, [x, r, p, q], state): Placed<B>,
         (preconditioner, hierarchy, fast): Made<B>,
         fallback: Option<String>,
+        points: Vec<f64>,
     ) -> Self {
         let falls = Falls::new(fast, hierarchy.is_some());
         Self {
@@ -297,8 +323,14 @@ impl<B: Backend> Pcg<B> {
             rate: 1.0,
             falls,
             last: Default::default(),
+            renewal: None,
+            wear: Wear::default(),
+            points,
             rounding: refine::ROUNDING,
-            counts: SolveCounts::default(),
+            counts: SolveCounts {
+                set_ups: 1,
+                ..SolveCounts::default()
+            },
         }
     }
 
@@ -311,18 +343,64 @@ impl<B: Backend> Pcg<B> {
         vertices: Option<&Vertices<D>>,
     ) -> Result<(), PcgError> {
         self.preconditioner.clear();
+        self.take(k)?;
+        self.renew(flat(coordinates), |backend, preconditioner| {
+            preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
+        })
+    }
+
+    /// The same with the preconditioner of an earlier K, until conjugate gradients have taken more iterations with it than a new one
+    /// costs; then `renewal` makes that. It is made at once where the earlier one does not fit.
+    pub(crate) fn follow<const D: usize>(
+        &mut self,
+        k: &Arc<BlockCsr<D>>,
+        coordinates: Option<&[[f64; D]]>,
+        renewal: Renewal<B>,
+    ) -> Result<(), PcgError> {
+        if !self.preconditioner.fits(k) {
+            self.preconditioner.clear();
+            self.take(k)?;
+            return self.renew(flat(coordinates), renewal);
+        }
+        self.take(k)?;
+        self.wear.begin();
+        self.renewal = Some((flat(coordinates), renewal));
+        let known = coordinates.filter(|now| D * now.len() == self.points.len());
+        let turned = known.and_then(|now| turned(k, &self.points, now));
+        Ok((self.preconditioner).turn(&mut self.backend, turned)?)
+    }
+
+    /// Puts a K in the place of the one before.
+    fn take<const D: usize>(&mut self, k: &Arc<BlockCsr<D>>) -> Result<(), PcgError> {
+        self.renewal = None;
         self.k = Arc::clone(k) as _;
         (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
         self.state = self.backend.state(&self.matrix, &self.x)?;
         // The measurements of earlier runs belong to the K before.
         (self.rate, self.last, self.rounding) = (1.0, Default::default(), refine::ROUNDING);
+        Ok(())
+    }
+
+    /// Makes the preconditioner of the present K.
+    fn renew(
+        &mut self,
+        points: Vec<f64>,
+        renewal: impl FnOnce(&mut B, &mut Multigrid<B>) -> Result<(), PcgError>,
+    ) -> Result<(), PcgError> {
+        self.renewal = None;
+        self.points = points;
+        self.wear = Wear::default();
         self.falls.forget();
-        let Self {
-            backend,
-            preconditioner,
-            ..
-        } = self;
-        preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
+        self.counts.set_ups += 1;
+        renewal(&mut self.backend, &mut self.preconditioner)
+    }
+
+    /// The same if it is that of an earlier K, and worn.
+    fn renew_if(&mut self, worn: bool) -> Result<(), PcgError> {
+        match self.renewal.take_if(|_| worn) {
+            Some((points, renewal)) => self.renew(points, renewal),
+            None => Ok(()),
+        }
     }
 
     /// What it has done, and its backend.
@@ -399,13 +477,35 @@ impl<B: Backend> Pcg<B> {
 
     /// CG for the right-hand side in `r`; the result is in `x`, even after a stall.
     ///
-    /// With `gather`, y = M x comes along with each look at the progress. (One function: the last looks decide where a
-    /// run stops, and nothing else needs them.)
+    /// With `gather`, y = M x comes along with each look at the progress.
     pub(crate) fn run(
         &mut self,
         goals: Run,
         stop: &Stop,
         mut gather: Option<Gather<B>>,
+    ) -> Result<Progress, PcgError> {
+        self.renew_if(self.wear.lost() > self.backend.cost_of_hierarchy() as f64)?;
+        let first = self.run_until_worn(goals, stop, &mut gather)?;
+        if first.done {
+            return Ok(first);
+        }
+        self.renew_if(true)?;
+        let rest = self.run_until_worn(goals.after(&first), stop, &mut gather)?;
+        Ok(Progress {
+            iterations: first.iterations + rest.iterations,
+            rr_start: first.rr_start,
+            energy: first.energy + rest.energy,
+            ..rest
+        })
+    }
+
+    /// The same until it is done, or the preconditioner of an earlier K has become too slow. (One function: the last looks decide
+    /// where a run stops, and nothing else needs them.)
+    fn run_until_worn(
+        &mut self,
+        goals: Run,
+        stop: &Stop,
+        gather: &mut Option<Gather<B>>,
     ) -> Result<Progress, PcgError> {
         let Self {
             backend,
@@ -426,10 +526,7 @@ impl<B: Backend> Pcg<B> {
         preconditioner.cycle(backend, state)?;
         backend.direction(r, preconditioner.z(), p, state);
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
-        let kind = match to_energy {
-            true => usize::from(goals.continues),
-            false => 2,
-        };
+        let kind = kind(&goals);
         let predicted = if to_energy || goals.residual > 0.0 {
             // An iteration without effect costs more than a look.
             self.last[kind][0].min(self.last[kind][1])
@@ -450,7 +547,7 @@ impl<B: Backend> Pcg<B> {
                 issued += 1;
                 self.counts.issued += 1;
             }
-            let progress = match &mut gather {
+            let progress = match gather {
                 Some(Gather { rows, y, out }) => {
                     backend.multiply_rows(rows, x, y);
                     backend.progress(state, Some((y, out)))?
@@ -471,6 +568,7 @@ impl<B: Backend> Pcg<B> {
                     let reached = 0.5 * (progress.rr / progress.rr_start).ln();
                     self.rate = (-reached / progress.iterations as f64).clamp(1e-4, 10.0);
                 }
+                self.wear.learn(kind, &progress);
                 if progress.broken || free || lost {
                     return Err(PcgError::NotPositiveDefinite);
                 }
@@ -482,7 +580,13 @@ impl<B: Backend> Pcg<B> {
             }
             // A residual that grows without end belongs to a singular matrix.
             let grown = progress.rr > GROWTH * progress.rr_start;
-            if watch.gets_nowhere(issued, &progress) || issued >= limit || grown {
+            let stalls = watch.gets_nowhere(issued, &progress) || issued >= limit || grown;
+            let most = backend.cost_of_hierarchy() as f64;
+            if self.renewal.is_some() && (stalls || self.wear.lost_with(kind, &progress) > most) {
+                self.counts.iterations += progress.iterations;
+                return Ok(progress);
+            }
+            if stalls {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stalled {
                     reached: (progress.rr / progress.rr_start).sqrt(),

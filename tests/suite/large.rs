@@ -11,9 +11,12 @@ mod tied;
 
 use crate::common::{built, case};
 use elements::plus;
+use signorini::backend::{GpuOptions, Precision};
 use signorini::contact::Obstacle;
+use signorini::control::Costs;
+use signorini::dual::DualOperator as _;
 use signorini::elasticity::{Hyperelastic, Material};
-use signorini::engine::{Engine, EngineOptions, Stiffness};
+use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::model::{Analysis, Axis, Built, Coupling, Model, Motion, Pair, Support, Traction};
@@ -43,19 +46,28 @@ impl<const D: usize> End<D> {
 }
 
 macro_rules! solved_in {
-    ($name:ident, $d:literal) => {
+    ($name:ident, $on:ident, $d:literal) => {
         fn $name(
             model: Model<$d>,
             tolerance: f64,
             stiffness: Stiffness,
         ) -> Result<Vec<End<$d>>, Box<dyn std::error::Error>> {
-            let built = model.build()?;
-            let mut settings = StepSettings::default();
-            settings.ssnm.tolerance = tolerance;
             let options = EngineOptions {
                 stiffness,
                 ..EngineOptions::default()
             };
+            Ok($on(model, tolerance, options)?.0)
+        }
+
+        /// The same with these options; and what PCG cost.
+        fn $on(
+            model: Model<$d>,
+            tolerance: f64,
+            options: EngineOptions,
+        ) -> Result<(Vec<End<$d>>, Option<Costs>), Box<dyn std::error::Error>> {
+            let built = model.build()?;
+            let mut settings = StepSettings::default();
+            settings.ssnm.tolerance = tolerance;
             let mut engine = Engine::new(&built.problem, options, |_| {})?;
             let mut ends = Vec::new();
             Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
@@ -90,13 +102,13 @@ macro_rules! solved_in {
                 }
                 ControlFlow::Continue(())
             })?;
-            Ok(ends)
+            Ok((ends, engine.costs()))
         }
     };
 }
 
-solved_in!(tried, 2);
-solved_in!(tried_in_space, 3);
+solved_in!(tried, tried_on, 2);
+solved_in!(tried_in_space, tried_in_space_on, 3);
 
 /// Solves the problems of these seeds; what is wrong, and how many load steps converged, were found unstable or not held, and ended
 /// otherwise. `broken` judges a load step that converged, by its number from 0 and the displacements at the end of the one before.
@@ -374,6 +386,69 @@ fn pcg_comes_to_the_same() {
             .fold(0.0, f64::max);
         assert!(apart < 1e-6, "order {order}: {apart}");
     }
+}
+
+/// One hierarchy a load step is enough, also where a body turns by a quarter, on all paths of PCG.
+#[test]
+fn hierarchies_turn_with_the_bodies() {
+    let shape = SolidShape::Hexahedron;
+    let mesh = block([0.0; 3], [2.0, 1.0, 1.0], [12, 6, 6], shape, "body", "");
+    let floor = Obstacle::HalfSpace {
+        point: [2.0, 0.0, 0.0],
+        normal: [-1.0, 0.0, 0.0],
+    };
+    let axis = Axis::new([0.0, 0.5, 0.5], [0.0, 1.0, 0.0]);
+    let model = Model::on(mesh)
+        .large_displacements()
+        .material(neo_hooke(1.0, 0.3))
+        .support(Support::on("left").turned(axis, 90.0))
+        .contact(
+            Pair::obstacle("right", floor)
+                .coulomb(0.2)
+                .interference(0.2)
+                .moving(Motion::turn(axis, 90.0)),
+        )
+        .steps([1.0 / 3.0, 2.0 / 3.0, 1.0]);
+    let factor = solved_in_space(model.clone(), 1e-8, Stiffness::Cholesky);
+    let gpu = |precision| EngineOptions {
+        place: Device::Gpu,
+        gpu: GpuOptions {
+            precision: Some(precision),
+            ..GpuOptions::default()
+        },
+        ..EngineOptions::default()
+    };
+    let cpu = EngineOptions {
+        place: Device::Cpu,
+        stiffness: Stiffness::Pcg,
+        ..EngineOptions::default()
+    };
+    let mut on_cpu = 0;
+    for options in [cpu, gpu(Precision::F64), gpu(Precision::F32)] {
+        let what = format!("{:?} {:?}", options.place, options.gpu.precision);
+        let (ends, costs) = tried_in_space_on(model.clone(), 1e-8, options)
+            .unwrap_or_else(|error| panic!("{what}: {error}"));
+        let solves = costs.expect("PCG").solves;
+        println!("{what}: {solves:?}");
+        for (end, same) in ends.iter().zip(&factor) {
+            assert_eq!([end.status, same.status], [Status::Converged; 2], "{what}");
+            let (force, other) = (end.force(), same.force());
+            for c in 0..3 {
+                let off = (force[c] - other[c]).abs();
+                assert!(
+                    off < 1e-5 * force[0].hypot(force[2]),
+                    "{what}: {force:?} {other:?}"
+                );
+            }
+        }
+        // One for each step, the first one, and one for the bodies at rest at the end.
+        assert!(solves.set_ups <= 5, "{what}: {solves:?}");
+        if on_cpu == 0 {
+            on_cpu = solves.iterations;
+        }
+        assert!(10 * solves.iterations <= 13 * on_cpu, "{what}: {solves:?}");
+    }
+    assert!(on_cpu <= 300, "{on_cpu}");
 }
 
 /// What belongs to small displacements alone, or to large ones alone, is refused with a word on what to do.

@@ -200,6 +200,15 @@ pub struct Multigrid<B: Backend> {
     /// One more than levels.
     vectors: Vec<LevelVectors<B>>,
     skeleton: Option<Skeleton>,
+    turned: Option<Turned<B>>,
+}
+
+/// The frames of nodes that have turned since the hierarchy was made: z = Q M Qᵀ r.
+struct Turned<B: Backend> {
+    back: B::LevelMatrix,
+    turn: B::LevelMatrix,
+    r: B::LevelVector,
+    z: B::LevelVector,
 }
 
 impl<B: Backend> Multigrid<B> {
@@ -223,12 +232,39 @@ impl<B: Backend> Multigrid<B> {
             coarse,
             vectors,
             skeleton: hierarchy.skeleton,
+            turned: None,
         })
+    }
+
+    /// Whether this is the hierarchy of a matrix with as many nodes and blocks as this one.
+    pub(crate) fn fits<const D: usize>(&self, k: &BlockCsr<D>) -> bool {
+        let fits = |skeleton: &Skeleton| skeleton.fits(k);
+        !self.levels.is_empty() && self.skeleton.as_ref().is_some_and(fits)
     }
 
     /// Makes room for other values: there is no cycle before [`Multigrid::rebuild`].
     pub(crate) fn clear(&mut self) {
         self.levels.clear();
+        self.turned = None;
+    }
+
+    /// Turns the hierarchy as it is by these rotations of its nodes, on the diagonal of a matrix.
+    pub(crate) fn turn<const D: usize>(
+        &mut self,
+        backend: &mut B,
+        rotations: Option<BlockCsr<D>>,
+    ) -> Result<(), BackendError> {
+        self.turned = None;
+        self.turned = match rotations {
+            Some(q) => Some(Turned {
+                back: backend.level_matrix(BlockMatrix::new(&q.transposed(), 1.0))?,
+                turn: backend.level_matrix(BlockMatrix::new(&q, 1.0))?,
+                r: backend.level_vector(q.n_rows())?,
+                z: backend.level_vector(q.n_rows())?,
+            }),
+            None => None,
+        };
+        Ok(())
     }
 
     /// Takes the values of another K from [`Hierarchy::rebuild`]. After an error there is no cycle.
@@ -248,12 +284,18 @@ impl<B: Backend> Multigrid<B> {
 
     /// r, to be filled before a cycle.
     pub fn r(&mut self) -> &mut B::LevelVector {
-        &mut self.vectors[0].b
+        match &mut self.turned {
+            Some(turned) => &mut turned.r,
+            None => &mut self.vectors[0].b,
+        }
     }
 
     /// z, after a cycle.
     pub fn z(&self) -> &B::LevelVector {
-        &self.vectors[0].x
+        match &self.turned {
+            Some(turned) => &turned.z,
+            None => &self.vectors[0].x,
+        }
     }
 
     /// z = M r. Has no effect if the CG run of `state` is done.
@@ -264,13 +306,22 @@ impl<B: Backend> Multigrid<B> {
     /// # Errors
     /// Those of the backend, where values of other ranks are needed.
     pub fn cycle(&mut self, backend: &mut B, state: &B::State) -> Result<(), BackendError> {
+        if let Some(Turned { back, r, .. }) = &self.turned {
+            let b = &mut self.vectors[0].b;
+            backend.level_multiply(state, back, Product::Plain, r, r, b);
+        }
         v_cycle(
             backend,
             state,
             &mut self.levels,
             &mut self.coarse,
             &mut self.vectors,
-        )
+        )?;
+        if let Some(Turned { turn, z, .. }) = &mut self.turned {
+            let x = &self.vectors[0].x;
+            backend.level_multiply(state, turn, Product::Plain, x, x, z);
+        }
+        Ok(())
     }
 }
 

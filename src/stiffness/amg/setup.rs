@@ -72,6 +72,11 @@ impl Skeleton {
         }
     }
 
+    /// Whether the matrix has the size of that for which this was made.
+    pub fn fits<const D: usize>(&self, k: &BlockCsr<D>) -> bool {
+        [k.n_block_rows(), k.n_blocks()] == self.size
+    }
+
     /// The hierarchy of a K, with M modes; of the rows of K on this rank where there are others, and with their halo.
     pub fn fill<const D: usize, const M: usize, S: Real>(
         self,
@@ -80,14 +85,13 @@ impl Skeleton {
         vertices: Option<&Vertices<D>>,
         others: Option<OnRanks>,
     ) -> Result<Hierarchy<S>, AmgError> {
-        let found = [k.n_block_rows(), k.n_blocks()];
-        if found != self.size {
+        if !self.fits(k) {
             return Err(AmgError::OtherPattern {
-                found,
+                found: [k.n_block_rows(), k.n_blocks()],
                 expected: self.size,
             });
         }
-        let alone = Halo::alone(found[0]);
+        let alone = Halo::alone(k.n_block_rows());
         let halo = others.map_or(&alone, |others| others.nodes);
         let n = D * halo.all() as usize;
         let vertices = vertices.filter(|_| n > self.settings.dense_limit);

@@ -526,3 +526,93 @@ fn contact_of_a_large_block_of_hexahedra() {
     assert_eq!(problem.n(), 41_616);
     products_on_both_paths(&problem, "n = 41 616");
 }
+
+/// A slender strip held at one end, turned about the origin, of two materials in alternating elements; the points of its unknowns.
+fn strip(angle: f64, contrast: f64) -> (Arc<BlockCsr<2>>, Vec<[f64; 2]>) {
+    let (cells, size) = ([120, 12], [10.0, 1.0]);
+    let mut mesh = rectangle([0.0; 2], size, cells, CellShape::Quad, "body", "");
+    mesh.regions.push("second".to_owned());
+    for e in 0..mesh.elements.len() {
+        mesh.elements[e].region = u32::from(e % 7 < 3);
+    }
+    let (sin, cos) = angle.sin_cos();
+    for x in &mut mesh.nodes {
+        *x = [cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]];
+    }
+    let body = Body {
+        mesh: &mesh,
+        materials: &[Material::new(1.0, 0.3), Material::new(contrast, 0.3)],
+        plane: Plane::PlaneStrain,
+        thickness: 1.0,
+    };
+    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
+    for &node in mesh.boundaries["left"].iter().flatten() {
+        prescribed[node as usize] = [Some(0.0); 2];
+    }
+    let unknowns = Unknowns::new(prescribed);
+    let k = assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]).0;
+    let blocks = 0..unknowns.n_blocks();
+    let points = blocks.map(|block| mesh.nodes[unknowns.node(block) as usize]);
+    (Arc::new(k), points.collect())
+}
+
+/// The iterations of a solve, whose answer is checked.
+fn solved<B: Backend>(pcg: &mut Pcg<B>, k: &BlockCsr<2>) -> usize {
+    let b = load(k.n_rows(), k.n_rows(), 3);
+    let (mut x, before) = (vec![0.0; b.len()], pcg.counts.iterations);
+    pcg.solve(&b, &mut x, 1e-8, &Stop::default())
+        .expect("a solution");
+    let reached = residual(k, &x, &b);
+    assert!(reached < 1e-6, "{reached:e}");
+    pcg.counts.iterations - before
+}
+
+/// What makes the preconditioner of a K of plane problems.
+fn made_of<B: Backend>(k: &Arc<BlockCsr<2>>, points: &[[f64; 2]]) -> Renewal<B> {
+    let (k, points) = (Arc::clone(k), points.to_vec());
+    Box::new(move |backend, multigrid| multigrid.rebuild(backend, &k, Some(&points), None))
+}
+
+fn a_preconditioner_is_kept<B: Backend>(mut backend: impl FnMut() -> B) {
+    let (k, points) = strip(0.0, 1.0);
+    let mut fresh = || {
+        let mut pcg =
+            Pcg::new(backend(), &k, Some(&points), Preconditioner::Multigrid).expect("a hierarchy");
+        let own = solved(&mut pcg, &k);
+        (pcg, own)
+    };
+    // It turns with the body, again and again.
+    let (mut pcg, own) = fresh();
+    for angle in [0.01, 0.4, 1.5, 3.0] {
+        let (turned, there) = strip(angle, 1.0);
+        pcg.follow(&turned, Some(&there), made_of(&turned, &there))
+            .expect("the same pattern");
+        let took = solved(&mut pcg, &turned);
+        assert!(took <= own + 4, "{took} iterations after {own}");
+        assert_eq!(pcg.counts.set_ups, 1);
+    }
+    // One that does not fit is replaced while a system is solved, which loses hardly more than that costs.
+    for (angle, contrast, knows) in [(1.5, 1.0, false), (0.3, 1e4, true)] {
+        let (mut pcg, _) = fresh();
+        let (other, there) = strip(angle, contrast);
+        let mut renewed = fresh().0;
+        (renewed.update(&other, Some(&there), None)).expect("the same pattern");
+        let alone = solved(&mut renewed, &other);
+        let known = knows.then_some(&*there);
+        pcg.follow(&other, known, made_of(&other, &there))
+            .expect("the same pattern");
+        let took = solved(&mut pcg, &other);
+        let most = pcg.backend.cost_of_hierarchy() + 2 * CHUNK + 2 * alone;
+        assert_eq!(pcg.counts.set_ups, 2);
+        assert!(took <= most, "{took} iterations, {alone} alone");
+        // From then on it is as good as new.
+        let again = solved(&mut pcg, &other);
+        assert!(again <= alone + 2, "{again} iterations, {alone} alone");
+    }
+}
+
+#[test]
+fn a_preconditioner_is_kept_on_the_cpu() {
+    a_preconditioner_is_kept(Cpu::<f32>::default);
+    a_preconditioner_is_kept(Cpu::<f64>::default);
+}
