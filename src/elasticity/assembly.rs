@@ -46,13 +46,16 @@ impl Incidence {
     }
 }
 
-/// Splits a slice into the parts that the chunks of rows own.
-fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize]) -> Vec<&'a mut [T]> {
+/// Rows that a task takes at least: of small meshes it has work of some 100 µs.
+const LEAST_ROWS: usize = 64;
+
+/// Splits a slice into the parts that the chunks of so many rows own.
+fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize], rows: usize) -> Vec<&'a mut [T]> {
     let n_rows = row_ptr.len() - 1;
     (0..n_rows)
-        .step_by(ROWS_PER_TASK)
+        .step_by(rows)
         .map(|first| {
-            let last = (first + ROWS_PER_TASK).min(n_rows);
+            let last = (first + rows).min(n_rows);
             let (head, tail) =
                 std::mem::take(&mut slice).split_at_mut(row_ptr[last] - row_ptr[first]);
             slice = tail;
@@ -303,14 +306,17 @@ where
         at,
     };
 
+    // Elements at the border of two tasks are integrated twice. Sums do not depend on the tasks.
+    let rows_per_task = n_blocks / (4 * rayon::current_num_threads());
+    let rows_per_task = rows_per_task.clamp(LEAST_ROWS, ROWS_PER_TASK);
     let mut row_ptr = vec![0usize; n_blocks + 1];
     row_ptr[1..]
-        .par_chunks_mut(ROWS_PER_TASK)
+        .par_chunks_mut(rows_per_task)
         .enumerate()
         .for_each(|(chunk, counts)| {
             let mut found = Vec::with_capacity(64);
             for (k, count) in counts.iter_mut().enumerate() {
-                rows.columns(chunk * ROWS_PER_TASK + k, &mut found);
+                rows.columns(chunk * rows_per_task + k, &mut found);
                 *count = found.len();
             }
         });
@@ -320,13 +326,13 @@ where
 
     let mut col_idx = vec![0u32; row_ptr[n_blocks]];
     let mut values = vec![[[0.0; D]; D]; row_ptr[n_blocks]];
-    split(&mut col_idx, &row_ptr)
+    split(&mut col_idx, &row_ptr, rows_per_task)
         .into_par_iter()
-        .zip(split(&mut values, &row_ptr))
+        .zip(split(&mut values, &row_ptr, rows_per_task))
         .enumerate()
         .for_each(|(chunk, (columns, values))| {
-            let first = chunk * ROWS_PER_TASK;
-            let chunk = first..(first + ROWS_PER_TASK).min(n_blocks);
+            let first = chunk * rows_per_task;
+            let chunk = first..(first + rows_per_task).min(n_blocks);
             let mut found = Vec::with_capacity(64);
             for row in chunk.clone() {
                 rows.columns(row, &mut found);
