@@ -228,8 +228,8 @@ where
     (along.abs() <= within && beyond <= BEYOND * size + AS_NEAR * along.abs()).then_some(near)
 }
 
-/// How far x is inside of the boundary that some facets are, below 0 outside; None where none of them is within a distance along each
-/// axis.
+/// How far x is inside of the boundary that some facets are, below 0 outside, and the outward normal there; None where none of them
+/// is within a distance along each axis.
 pub(super) fn depth_within<const D: usize>(
     mesh: &Mesh<D>,
     search: &Search<D>,
@@ -237,7 +237,7 @@ pub(super) fn depth_within<const D: usize>(
     x: [f64; D],
     within: f64,
     counts: impl Fn(&Facet<D>) -> bool,
-) -> Option<f64>
+) -> Option<(f64, [f64; D])>
 where
     ElementKind: Topology<D>,
 {
@@ -248,10 +248,10 @@ where
     } else {
         1.0
     };
-    Some(side * length(offset))
+    Some((side * length(offset), near.normal))
 }
 
-/// The point nearest to x of those facets near to it that count, with the size of its facet. Where several are as near, their
+/// The point nearest to x of those facets near to it that count, with the size of its facet. Where several facets have that point, their
 /// normals are averaged.
 fn nearest_of<const D: usize>(
     mesh: &Mesh<D>,
@@ -278,13 +278,10 @@ where
                 std::array::from_fn(|c| weights.iter().zip(&corners).map(|(w, y)| w * y[c]).sum());
             let distance = length(minus(x, point));
             match &mut best {
-                Some((least, of, near)) if (distance - *least).abs() <= AS_NEAR * *of => {
+                Some((_, of, near)) if length(minus(near.point, point)) <= AS_NEAR * *of => {
                     near.normal = std::array::from_fn(|c| near.normal[c] + normal[c]);
-                    if distance >= *least {
-                        continue;
-                    }
                 }
-                Some((least, ..)) if distance >= *least => continue,
+                Some((least, ..)) if distance >= *least => {}
                 _ => {
                     let weights = part.iter().copied().zip(weights).filter(|w| w.1 != 0.0);
                     let near = Nearest {

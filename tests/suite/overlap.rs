@@ -2,10 +2,11 @@
 
 use crate::common::models::{answer, stacked};
 use crate::common::solved::solve_case;
-use signorini::contact::Obstacle;
+use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
-use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 
 const YOUNG: f64 = 2e11;
@@ -91,6 +92,104 @@ fn overlaps_are_pressed_apart() {
         for i in 0..found.m() {
             let part = found.pressure(i) / (DEEP * MODULUS);
             assert!((part - 1.0).abs() < 1e-6, "{part}");
+        }
+    }
+}
+
+/// Overlaps of several facets up to sides that are planes of symmetry or free: no part of them counts as something else because the
+/// side is nearer than the way out.
+#[test]
+fn deep_overlaps_reach_to_the_sides() {
+    let deep = 0.4;
+    let free = YOUNG / (1.0 - 0.3 * 0.3);
+    for (right, modulus) in [(Some(["low-right", "up-right"]), MODULUS), (None, free)] {
+        for order in [1, 2] {
+            let mut mesh = stacked(1.0 - deep, [15, 12]);
+            if order == 2 {
+                mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+            }
+            let held = right.iter().flatten().chain(&["low-left", "up-left"]);
+            let held: Vec<String> = held.map(|side| side.to_string()).collect();
+            let model = Model::on(mesh)
+                .material(Material::new(YOUNG, 0.3))
+                .support(Support::on(held).x(0.0))
+                .support(Support::on("low-bottom").y(0.0))
+                .support(Support::on("up-top").y(0.0))
+                .contact(base().overlap_as_interference());
+            let found = answer(model, 1e-9, Stiffness::Cholesky);
+            for i in 0..found.m() {
+                let part = found.pressure(i) / (0.5 * deep * modulus);
+                assert!(
+                    (part - 1.0).abs() < 1e-6,
+                    "order {order}, {right:?}: {part}"
+                );
+            }
+        }
+    }
+}
+
+/// A block overlaps a wider one, or a part of it, by up to several facets: its pressures are those of a stated interference of blocks
+/// that touch, as K does not depend on where a block is.
+#[test]
+fn an_overlap_is_an_interference_of_that_size() {
+    let plane = [
+        (0.85, 0.0, 0.3, [5, 11]),
+        (1.0, 0.1, 0.45, [14, 6]),
+        (0.85, -0.15, 0.15, [10, 12]),
+        (1.0, 0.2, 0.3, [13, 12]),
+        (0.85, 0.2, 0.05, [9, 13]),
+    ];
+    for (width, at, deep, [low, up]) in plane {
+        let mesh = |height: f64| {
+            let one = rectangle([0.0; 2], [1.0; 2], [low; 2], CellShape::Quad, "low", "low-");
+            let other = [width, 1.0];
+            join(
+                one,
+                rectangle([at, height], other, [up; 2], CellShape::Quad, "up", "up-"),
+            )
+        };
+        assert_alike(mesh, deep);
+    }
+    // Of the last one a place in the middle is as far from two opposite sides.
+    for (width, at, deep, [low, up]) in [(1.0, 0.1, 0.15, [7, 7]), (0.6, 0.1, 0.45, [6, 7])] {
+        let mesh = |height: f64| {
+            let shape = SolidShape::Hexahedron;
+            let one = block([0.0; 3], [1.0; 3], [low; 3], shape, "low", "low-");
+            let (begin, other) = ([at, 0.5 * at, height], [width, 1.0, 1.0]);
+            join(one, block(begin, other, [up; 3], shape, "up", "up-"))
+        };
+        assert_alike(mesh, deep);
+    }
+}
+
+/// The pressures of a block drawn so deep in the other one, and of an interference.
+fn assert_alike<const D: usize>(mesh: impl Fn(f64) -> Mesh<D>, deep: f64)
+where
+    ElementKind: Space<D>,
+{
+    for sides in [["low-top", "up-bottom"], ["up-bottom", "low-top"]] {
+        let pair = || Pair::new(sides[0], sides[1]);
+        let [drawn, stated] = [
+            (1.0 - deep, pair().overlap_as_interference()),
+            (1.0, pair().interference(deep)),
+        ]
+        .map(|(height, pair)| {
+            let model = Model::on(mesh(height))
+                .material(Material::new(YOUNG, 0.3))
+                .support(Support::on("low-bottom").fixed())
+                .support(Support::on("up-top").fixed())
+                .contact(pair);
+            let found = answer(model, 1e-9, Stiffness::Cholesky);
+            let mut pressures: Vec<f64> = (0..found.m()).map(|i| found.pressure(i)).collect();
+            pressures.sort_by(f64::total_cmp);
+            pressures
+        });
+        assert_eq!(drawn.len(), stated.len());
+        for (a, b) in drawn.iter().zip(&stated) {
+            assert!(
+                (a - b).abs() < 1e-5 * deep * YOUNG,
+                "{sides:?} {deep}: {a} {b}"
+            );
         }
     }
 }

@@ -7,7 +7,7 @@
 //! their size is against it. From one configuration to the next facets keep their colours where these are still possible.
 
 use super::surface::Surface;
-use super::{ContactError, Cover, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
+use super::{ContactError, Cover, FACING, MasterFacet, Mortar, PairOptions, Search, SlaveFacet};
 use crate::contact::held_across;
 use crate::contact::nodes::depth_within;
 use crate::elasticity::Body;
@@ -315,14 +315,25 @@ where
                     sums.2 -= point.weight * point.distance;
                 }
             }
+            let (mesh, all) = (self.body.mesh, self.surface.facets);
             let mut is_left_out = false;
             for (other, (weight, places, depths)) in met.into_iter().filter(|one| one.1.0 > 0.0) {
                 let (x, depth) = (places.map(|sum| sum / weight), depths / weight);
                 let there = body_of(near[other].nodes());
-                let of_body = |facet: &Facet<D>| body_of(facet_nodes(facet)) == there;
-                let (mesh, all) = (self.body.mesh, self.surface.facets);
-                let way_out = depth_within(mesh, &self.search, all, x, depth, of_body);
-                if way_out.is_some_and(|way_out| way_out < WAY_OUT * depth) {
+                let of = |body: u32, facet: &Facet<D>| body_of(facet_nodes(facet)) == body;
+                let out = depth_within(mesh, &self.search, all, x, depth, |facet| of(there, facet));
+                let most = WAY_OUT * depth;
+                let is_out = out.is_some_and(|(way_out, through)| {
+                    // Both bodies count: from one through this side, and from the other the opposite way.
+                    let faces = |facet: &Facet<D>| {
+                        of(here, facet) && dot(mesh.facet_normal(facet).1, through) < FACING
+                    };
+                    let back = || depth_within(mesh, &self.search, all, x, most, faces);
+                    way_out < 0.0
+                        || way_out < most
+                            && back().is_some_and(|(back, _)| way_out + back.abs() < most)
+                });
+                if is_out {
                     near[other].deepest = WAY_OUT * depth;
                     is_left_out = true;
                 }
