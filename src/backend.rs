@@ -270,7 +270,7 @@ pub trait Backend {
     fn norm(&self, x: &[f64]) -> f64;
     /// The work so far.
     fn counters(&self) -> Counters;
-    /// The V-cycles that take as long as a new hierarchy.
+    /// The iterations that take as long as a new hierarchy.
     fn cost_of_hierarchy(&self) -> usize;
 
     /// A vector of `len` zeros.

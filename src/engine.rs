@@ -185,7 +185,7 @@ impl Path {
 pub struct SetUps {
     /// From nothing: an order of elimination with its symbolic factor, or a hierarchy with its aggregates.
     pub made: usize,
-    /// The values alone, in existing structures.
+    /// The values alone, in existing structures, for another problem.
     pub renewed: usize,
 }
 

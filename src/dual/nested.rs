@@ -4,7 +4,7 @@ use super::{
     Change, Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side, scatter,
 };
 use crate::backend::{Backend, Run};
-use crate::control::Accuracy;
+use crate::control::{Accuracy, SolveCounts};
 use crate::problem::{ContactProblem, LoadCase, Vertices};
 use crate::rounding::ROUNDING;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
@@ -461,7 +461,10 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         self.pcg
             .solve(&self.load, &mut x, tolerance, &Stop::default())?;
         let iterations = self.pcg.counts.iterations - before.iterations;
-        self.pcg.counts = before;
+        self.pcg.counts = SolveCounts {
+            set_ups: self.pcg.counts.set_ups,
+            ..before
+        };
         Ok(Some(iterations))
     }
 

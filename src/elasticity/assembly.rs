@@ -46,8 +46,8 @@ impl Incidence {
     }
 }
 
-/// Rows that a task takes at least: of small meshes it has work of some 100 µs.
-const LEAST_ROWS: usize = 64;
+/// Rows that a task takes at least. In space half as many elements again are around so many nodes.
+const LEAST_ROWS: usize = 256;
 
 /// Splits a slice into the parts that the chunks of so many rows own.
 fn split<'a, T>(mut slice: &'a mut [T], row_ptr: &[usize], rows: usize) -> Vec<&'a mut [T]> {
@@ -306,8 +306,8 @@ where
         at,
     };
 
-    // Elements at the border of two tasks are integrated twice. Sums do not depend on the tasks.
-    let rows_per_task = n_blocks / (4 * rayon::current_num_threads());
+    // Elements at the border of tasks are integrated in each of them. Sums do not depend on the tasks.
+    let rows_per_task = n_blocks.div_ceil(rayon::current_num_threads());
     let rows_per_task = rows_per_task.clamp(LEAST_ROWS, ROWS_PER_TASK);
     let mut row_ptr = vec![0usize; n_blocks + 1];
     row_ptr[1..]

@@ -124,9 +124,10 @@ pub struct Pcg<B: Backend> {
     last: [[usize; 2]; 3],
     /// The points of this K, and what makes its preconditioner, where that of an earlier one is kept.
     renewal: Option<(Vec<f64>, Renewal<B>)>,
-    wear: Wear,
-    /// The points for which it was made, one number after the other.
+    /// The points of the K of the preconditioner, one number after the other.
     points: Vec<f64>,
+    /// What that K costs.
+    wear: Wear,
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
     /// The costs.
@@ -349,25 +350,42 @@ impl<B: Backend> Pcg<B> {
         })
     }
 
-    /// The same with the preconditioner of an earlier K, until conjugate gradients have taken more iterations with it than a new one
-    /// costs; then `renewal` makes that. It is made at once where the earlier one does not fit.
+    /// The same with the preconditioner of an earlier K, until conjugate gradients have lost as many iterations with it as a new one
+    /// costs; then `renewal` makes that. It is made at once where the earlier one, or both K, do not fit.
     pub(crate) fn follow<const D: usize>(
         &mut self,
         k: &Arc<BlockCsr<D>>,
         coordinates: Option<&[[f64; D]]>,
         renewal: Renewal<B>,
     ) -> Result<(), PcgError> {
-        if !self.preconditioner.fits(k) {
-            self.preconditioner.clear();
-            self.take(k)?;
-            return self.renew(flat(coordinates), renewal);
+        if self.preconditioner.fits(k) {
+            match self.keep(k, coordinates) {
+                Ok(()) => {
+                    self.renewal = Some((flat(coordinates), renewal));
+                    return Ok(());
+                }
+                Err(PcgError::Backend(BackendError::TooLarge { .. })) => {}
+                failed => return failed,
+            }
         }
+        self.preconditioner.clear();
         self.take(k)?;
-        self.wear.begin();
-        self.renewal = Some((flat(coordinates), renewal));
+        self.renew(flat(coordinates), renewal)
+    }
+
+    /// Takes another K and turns the preconditioner.
+    fn keep<const D: usize>(
+        &mut self,
+        k: &Arc<BlockCsr<D>>,
+        coordinates: Option<&[[f64; D]]>,
+    ) -> Result<(), PcgError> {
+        self.take(k)?;
         let known = coordinates.filter(|now| D * now.len() == self.points.len());
         let turned = known.and_then(|now| turned(k, &self.points, now));
-        Ok((self.preconditioner).turn(&mut self.backend, turned)?)
+        self.preconditioner.turn(&mut self.backend, turned)?;
+        self.wear.begin();
+        self.falls.doubt();
+        Ok(())
     }
 
     /// Puts a K in the place of the one before.
@@ -376,9 +394,14 @@ impl<B: Backend> Pcg<B> {
         self.k = Arc::clone(k) as _;
         (self.matrix, self.scale) = self.backend.matrix(Arc::clone(&self.k))?;
         self.state = self.backend.state(&self.matrix, &self.x)?;
-        // The measurements of earlier runs belong to the K before.
-        (self.rate, self.last, self.rounding) = (1.0, Default::default(), refine::ROUNDING);
+        self.rounding = refine::ROUNDING;
+        self.forget_speed();
         Ok(())
+    }
+
+    /// Measurements of earlier runs belong to the K, or the preconditioner, before.
+    fn forget_speed(&mut self) {
+        (self.rate, self.last) = (1.0, Default::default());
     }
 
     /// Makes the preconditioner of the present K.
@@ -387,15 +410,15 @@ impl<B: Backend> Pcg<B> {
         points: Vec<f64>,
         renewal: impl FnOnce(&mut B, &mut Multigrid<B>) -> Result<(), PcgError>,
     ) -> Result<(), PcgError> {
-        self.renewal = None;
         self.points = points;
         self.wear = Wear::default();
+        self.forget_speed();
         self.falls.forget();
         self.counts.set_ups += 1;
         renewal(&mut self.backend, &mut self.preconditioner)
     }
 
-    /// The same if it is that of an earlier K, and worn.
+    /// Makes it if there is that of an earlier K, and worn.
     fn renew_if(&mut self, worn: bool) -> Result<(), PcgError> {
         match self.renewal.take_if(|_| worn) {
             Some((points, renewal)) => self.renew(points, renewal),
@@ -485,18 +508,33 @@ impl<B: Backend> Pcg<B> {
         mut gather: Option<Gather<B>>,
     ) -> Result<Progress, PcgError> {
         self.renew_if(self.wear.lost() > self.backend.cost_of_hierarchy() as f64)?;
-        let first = self.run_until_worn(goals, stop, &mut gather)?;
+        let kind = kind(&goals);
+        let first = self.run_until_worn(goals, kind, stop, &mut gather)?;
         if first.done {
             return Ok(first);
         }
         self.renew_if(true)?;
-        let rest = self.run_until_worn(goals.after(&first), stop, &mut gather)?;
-        Ok(Progress {
-            iterations: first.iterations + rest.iterations,
-            rr_start: first.rr_start,
-            energy: first.energy + rest.energy,
-            ..rest
-        })
+        match self.run_until_worn(goals.after(&first), kind, stop, &mut gather) {
+            Ok(rest) => Ok(Progress {
+                iterations: first.iterations + rest.iterations,
+                rr_start: first.rr_start,
+                energy: first.energy + rest.energy,
+                ..rest
+            }),
+            Err(PcgError::Stalled {
+                reached,
+                asked,
+                iterations,
+            }) => {
+                let part = (first.rr / first.rr_start).sqrt();
+                Err(PcgError::Stalled {
+                    reached: part * reached,
+                    asked: part * asked,
+                    iterations: first.iterations + iterations,
+                })
+            }
+            failed => failed,
+        }
     }
 
     /// The same until it is done, or the preconditioner of an earlier K has become too slow. (One function: the last looks decide
@@ -504,9 +542,14 @@ impl<B: Backend> Pcg<B> {
     fn run_until_worn(
         &mut self,
         goals: Run,
+        kind: usize,
         stop: &Stop,
         gather: &mut Option<Gather<B>>,
     ) -> Result<Progress, PcgError> {
+        if self.preconditioner.is_missing() {
+            // It could not be made.
+            return Err(AmgError::Singular.into());
+        }
         let Self {
             backend,
             matrix,
@@ -526,7 +569,6 @@ impl<B: Backend> Pcg<B> {
         preconditioner.cycle(backend, state)?;
         backend.direction(r, preconditioner.z(), p, state);
         let to_energy = goals.remaining > 0.0 || goals.remaining_part > 0.0;
-        let kind = kind(&goals);
         let predicted = if to_energy || goals.residual > 0.0 {
             // An iteration without effect costs more than a look.
             self.last[kind][0].min(self.last[kind][1])
@@ -580,13 +622,16 @@ impl<B: Backend> Pcg<B> {
             }
             // A residual that grows without end belongs to a singular matrix.
             let grown = progress.rr > GROWTH * progress.rr_start;
-            let stalls = watch.gets_nowhere(issued, &progress) || issued >= limit || grown;
-            let most = backend.cost_of_hierarchy() as f64;
-            if self.renewal.is_some() && (stalls || self.wear.lost_with(kind, &progress) > most) {
+            let stalls = watch.gets_nowhere(issued, &progress) || issued >= limit;
+            let is_worn = || {
+                let cost = backend.cost_of_hierarchy() as f64;
+                stalls || self.wear.lost_with(kind, &progress) > cost
+            };
+            if !grown && self.renewal.is_some() && is_worn() {
                 self.counts.iterations += progress.iterations;
                 return Ok(progress);
             }
-            if stalls {
+            if stalls || grown {
                 self.counts.iterations += progress.iterations;
                 return Err(PcgError::Stalled {
                     reached: (progress.rr / progress.rr_start).sqrt(),

@@ -430,6 +430,7 @@ fn hierarchies_turn_with_the_bodies() {
             .unwrap_or_else(|error| panic!("{what}: {error}"));
         let solves = costs.expect("PCG").solves;
         println!("{what}: {solves:?}");
+        assert_eq!([ends.len(), factor.len()], [3; 2], "{what}");
         for (end, same) in ends.iter().zip(&factor) {
             assert_eq!([end.status, same.status], [Status::Converged; 2], "{what}");
             let (force, other) = (end.force(), same.force());

@@ -150,6 +150,21 @@ fn an_overlap_is_an_interference_of_that_size() {
         };
         assert_alike(mesh, deep);
     }
+    // The lower block is narrower at its top, by sides that lean by 9° and 14°.
+    for lean in [0.15, 0.25] {
+        let mesh = |height: f64| {
+            let mut one = rectangle([0.0; 2], [1.0; 2], [9; 2], CellShape::Quad, "low", "low-");
+            for x in &mut one.nodes {
+                x[0] = 0.5 + (x[0] - 0.5) * (1.0 - 2.0 * lean * x[1]);
+            }
+            let other = ([-0.2, height], [1.4, 1.0]);
+            join(
+                one,
+                rectangle(other.0, other.1, [17, 8], CellShape::Quad, "up", "up-"),
+            )
+        };
+        assert_alike(mesh, 0.2);
+    }
     // Of the last one a place in the middle is as far from two opposite sides.
     for (width, at, deep, [low, up]) in [(1.0, 0.1, 0.15, [7, 7]), (0.6, 0.1, 0.45, [6, 7])] {
         let mesh = |height: f64| {
@@ -184,7 +199,8 @@ where
             pressures.sort_by(f64::total_cmp);
             pressures
         });
-        assert_eq!(drawn.len(), stated.len());
+        assert_eq!(drawn.len(), stated.len(), "{sides:?} {deep}");
+        assert!(drawn.last().is_some_and(|most| *most > 0.0));
         for (a, b) in drawn.iter().zip(&stated) {
             assert!(
                 (a - b).abs() < 1e-5 * deep * YOUNG,

@@ -55,7 +55,8 @@ pub struct Wall<const D: usize> {
 const BEHIND: f64 = 0.5;
 /// Overlaps are looked at if they are deeper than this part of a facet.
 pub(super) const SHALLOW: f64 = 0.1;
-/// An overlap with another body is with the side through which it has come in only if the way out is at least this part of it.
+/// An overlap with another body is with the side through which it has come in only if the way of both out of each other is at least this
+/// part of it.
 const WAY_OUT: f64 = 0.25;
 /// What is deeper in a wall than this part of the thinner one's thickness is behind it.
 const DEEPEST: f64 = 0.9;
@@ -292,7 +293,8 @@ where
         thickness.min(roundest.recip())
     }
 
-    /// Leaves out overlaps of a facet with others whose body has a much shorter way out: what is opposite there is another side of it.
+    /// Leaves out overlaps of a facet with others where the two bodies have a much shorter way out of each other, from the facet and from
+    /// halfway to the other one: what is opposite there is another side.
     pub fn leave_out(
         &self,
         slave: &SlaveFacet<D>,
@@ -321,18 +323,23 @@ where
                 let (x, depth) = (places.map(|sum| sum / weight), depths / weight);
                 let there = body_of(near[other].nodes());
                 let of = |body: u32, facet: &Facet<D>| body_of(facet_nodes(facet)) == body;
-                let out = depth_within(mesh, &self.search, all, x, depth, |facet| of(there, facet));
                 let most = WAY_OUT * depth;
-                let is_out = out.is_some_and(|(way_out, through)| {
-                    // Both bodies count: from one through this side, and from the other the opposite way.
-                    let faces = |facet: &Facet<D>| {
-                        of(here, facet) && dot(mesh.facet_normal(facet).1, through) < FACING
-                    };
-                    let back = || depth_within(mesh, &self.search, all, x, most, faces);
-                    way_out < 0.0
-                        || way_out < most
-                            && back().is_some_and(|(back, _)| way_out + back.abs() < most)
-                });
+                let way_out = |x: [f64; D]| {
+                    depth_within(mesh, &self.search, all, x, depth, |facet| of(there, facet))
+                };
+                // The other body leaves through this side, and its own the opposite way.
+                let is_short = |x: [f64; D]| {
+                    way_out(x).is_some_and(|(out, through)| {
+                        let faces = |facet: &Facet<D>| {
+                            of(here, facet) && dot(mesh.facet_normal(facet).1, through) < FACING
+                        };
+                        let back = || depth_within(mesh, &self.search, all, x, most, faces);
+                        out < 0.0 || out < most && back().is_some_and(|to| out + to.0.abs() < most)
+                    })
+                };
+                let is_outside = way_out(x).is_some_and(|(out, _)| out < 0.0);
+                let halfway = std::array::from_fn(|c| x[c] - 0.5 * depth * slave.normal[c]);
+                let is_out = is_outside || is_short(x) && is_short(halfway);
                 if is_out {
                     near[other].deepest = WAY_OUT * depth;
                     is_left_out = true;

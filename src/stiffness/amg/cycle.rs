@@ -236,6 +236,11 @@ impl<B: Backend> Multigrid<B> {
         })
     }
 
+    /// Whether levels were cleared and not made again.
+    pub(crate) fn is_missing(&self) -> bool {
+        self.levels.len() + 1 != self.vectors.len()
+    }
+
     /// Whether this is the hierarchy of a matrix with as many nodes and blocks as this one.
     pub(crate) fn fits<const D: usize>(&self, k: &BlockCsr<D>) -> bool {
         let fits = |skeleton: &Skeleton| skeleton.fits(k);

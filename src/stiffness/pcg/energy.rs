@@ -36,6 +36,11 @@ impl Falls {
         *self = Self::new(self.fast, self.learns);
     }
 
+    /// With a preconditioner that may have become slower.
+    pub fn doubt(&mut self) {
+        self.fall = self.fall.max(Self::new(self.fast, self.learns).fall);
+    }
+
     /// Whether an iteration leaves half of the energy error and more, or is known to leave smooth errors.
     pub fn is_slow(&self) -> bool {
         !self.fast || self.fall >= 0.5

@@ -7,7 +7,7 @@ use crate::sparse::BlockCsr;
 use rayon::prelude::*;
 use std::array::from_fn;
 
-/// Bodies that have turned by less leave the preconditioner as it is.
+/// Bodies that have turned by less, in radians, leave the preconditioner as it is.
 const HARDLY_TURNED: f64 = 0.02;
 
 /// How the surroundings of each node, which are its neighbours in K, have turned: rotation matrices on the diagonal; None if all are
@@ -57,7 +57,7 @@ impl Sums {
 /// Runs of one kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Runs {
-    /// With the K for which the preconditioner was made; with the first other one, where there were none before.
+    /// With the K for which the preconditioner was made; if it had no runs of this kind, with the next one that has.
     own: Sums,
     /// Whether there is another K now.
     is_over: bool,
@@ -98,7 +98,7 @@ impl Wear {
 
     /// The iterations lost so far.
     pub fn lost(&self) -> f64 {
-        self.0.iter().map(Runs::excess).sum()
+        self.0.iter().map(|runs| runs.excess().max(0.0)).sum()
     }
 
     /// The same with a run that has not ended.
