@@ -126,7 +126,7 @@ pub struct Pcg<B: Backend> {
     renewal: Option<(Vec<f64>, Renewal<B>)>,
     /// The points of the K of the preconditioner, one number after the other.
     points: Vec<f64>,
-    /// What that K costs.
+    /// The iterations that were lost because that K is an earlier one.
     wear: Wear,
     /// The relative error in energy that rounding leaves of a correction in low precision.
     rounding: f64,
@@ -418,7 +418,7 @@ impl<B: Backend> Pcg<B> {
         renewal(&mut self.backend, &mut self.preconditioner)
     }
 
-    /// Makes it if there is that of an earlier K, and worn.
+    /// Makes the preconditioner of the present K if that of an earlier one is kept, and worn.
     fn renew_if(&mut self, worn: bool) -> Result<(), PcgError> {
         match self.renewal.take_if(|_| worn) {
             Some((points, renewal)) => self.renew(points, renewal),

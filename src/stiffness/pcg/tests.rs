@@ -5,6 +5,7 @@ use crate::backend::cpu::Cpu;
 use crate::dual::DirectDual;
 use crate::dual::{DualOperator, NestedDual};
 use crate::elasticity::{Body, Material, Plane, Unknowns, assemble};
+use crate::mesh::Mesh;
 use crate::mesh::structured::{CellShape, rectangle};
 use crate::problem::{ContactData, ContactProblem, FloatingBodies};
 use crate::sparse::{Csr, dot, norm};
@@ -78,6 +79,23 @@ fn hexahedra(cells: [usize; 3], size: [f64; 3], young: impl Fn(usize) -> f64) ->
     BlockCsr::from_triplets(n, n, triplets)
 }
 
+/// K of a mesh of these materials that is held on the left, and its unknowns.
+fn held_on_the_left(mesh: &Mesh, materials: &[Material]) -> (BlockCsr<2>, Unknowns) {
+    let body = Body {
+        mesh,
+        materials,
+        plane: Plane::PlaneStrain,
+        thickness: 1.0,
+    };
+    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
+    for &node in mesh.boundaries["left"].iter().flatten() {
+        prescribed[node as usize] = [Some(0.0); 2];
+    }
+    let unknowns = Unknowns::new(prescribed);
+    let k = assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]).0;
+    (k, unknowns)
+}
+
 /// A rectangle of quadrilaterals held on the left, of two materials.
 fn two_materials(
     cells: [usize; 2],
@@ -96,18 +114,7 @@ fn two_materials(
         young: contrast * young,
         ..soft
     };
-    let body = Body {
-        mesh: &mesh,
-        materials: &[soft, stiff],
-        plane: Plane::PlaneStrain,
-        thickness: 1.0,
-    };
-    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
-    for &node in mesh.boundaries["left"].iter().flatten() {
-        prescribed[node as usize] = [Some(0.0); 2];
-    }
-    let unknowns = Unknowns::new(prescribed);
-    assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]).0
+    held_on_the_left(&mesh, &[soft, stiff]).0
 }
 
 /// A force without pattern on the last `count` unknowns.
@@ -539,18 +546,7 @@ fn strip(angle: f64, contrast: f64) -> (Arc<BlockCsr<2>>, Vec<[f64; 2]>) {
     for x in &mut mesh.nodes {
         *x = [cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]];
     }
-    let body = Body {
-        mesh: &mesh,
-        materials: &[Material::new(1.0, 0.3), Material::new(contrast, 0.3)],
-        plane: Plane::PlaneStrain,
-        thickness: 1.0,
-    };
-    let mut prescribed = vec![[None; 2]; mesh.nodes.len()];
-    for &node in mesh.boundaries["left"].iter().flatten() {
-        prescribed[node as usize] = [Some(0.0); 2];
-    }
-    let unknowns = Unknowns::new(prescribed);
-    let k = assemble(&body, &unknowns, &vec![[0.0; 2]; mesh.nodes.len()]).0;
+    let (k, unknowns) = held_on_the_left(&mesh, &[1.0, contrast].map(|e| Material::new(e, 0.3)));
     let blocks = 0..unknowns.n_blocks();
     let points = blocks.map(|block| mesh.nodes[unknowns.node(block) as usize]);
     (Arc::new(k), points.collect())
