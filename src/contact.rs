@@ -17,8 +17,8 @@ mod transformed;
 
 pub(crate) use crossing::crosses_itself;
 pub use equal::equal_nodes;
-pub(crate) use mortar::are_excluded;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
+pub(crate) use mortar::{are_excluded, smooth_parts_of};
 pub use nodes::{Met, node_contact};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
@@ -234,6 +234,8 @@ pub struct ContactPlace<const D: usize = 2> {
     pub place: [f64; D],
     /// Its node of the mesh; None at the border of the covered part of a facet.
     pub node: Option<u32>,
+    /// The smooth part of its boundary, where edges cut that between bodies; otherwise 0.
+    pub part: u32,
     /// The nodes of its own body, with weights that add up to 1 and whose mean is the place: usually one, at a node.
     pub own: Vec<(u32, f64)>,
     /// The nodes of the other body that it meets, with weights that add up to 1; none for a rigid obstacle.

@@ -60,6 +60,7 @@ mod revolution;
 pub(crate) mod share;
 mod spring;
 mod stated;
+mod stated_gap;
 mod supports;
 #[cfg(test)]
 mod tests;

@@ -45,6 +45,7 @@ where
                 frame,
                 gap: 0.0,
                 area: if area > 0.0 { area } else { 1.0 },
+                part: 0,
                 pool: places.len() as u32,
                 slip_bound: SlipBound::Tied,
                 compliance: [0.0; 2],

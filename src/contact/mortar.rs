@@ -66,6 +66,7 @@ use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
 use surface::Surface;
+pub(crate) use surface::smooth_parts_of;
 
 pub use super::search::Beam;
 

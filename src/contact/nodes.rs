@@ -151,6 +151,7 @@ where
             frame: frame(normal),
             gap,
             area,
+            part: 0,
             pool: places.len() as u32,
             slip_bound,
             compliance: options.compliance_at(origin, area)?,

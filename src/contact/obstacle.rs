@@ -254,6 +254,7 @@ where
                 frame: frame(normal),
                 gap: felt(node, &gap_of),
                 area: area[i],
+                part: 0,
                 pool: number,
                 slip_bound,
                 compliance: options.compliance_at(place, area[i])?,

@@ -38,6 +38,7 @@ fn node<const D: usize>(
         frame: frame(unit(normal)),
         gap: 0.1,
         area: 1.0,
+        part: 0,
         pool: 0,
         slip_bound,
         compliance: [0.0; 2],

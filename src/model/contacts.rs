@@ -5,6 +5,7 @@ use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{end_of, outer_facets};
 use super::pair::{Against, Law, Overlap};
+use super::stated_gap::Stated;
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
@@ -19,8 +20,6 @@ use crate::mesh::{
     unsided,
 };
 use crate::problem::UNREACHABLE;
-use rstar::RTree;
-use rstar::primitives::GeomWithData;
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -271,28 +270,6 @@ pub(super) struct Sliding<const D: usize> {
     pub(super) held: Directions<D>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
-}
-
-/// The difference between the gap that is stated for two bodies at rest and that between their meshes.
-#[derive(Clone, Debug)]
-pub(super) struct Stated {
-    /// The longest way between corners of a facet of the boundary that has the multipliers.
-    pub(super) facet: f64,
-    /// The same of either boundary.
-    pub(super) longest: f64,
-    /// At nodes of the boundary that has the multipliers; none where they are equal.
-    beyond: HashMap<u32, f64>,
-    /// The deepest overlap that is stated.
-    depth: f64,
-}
-
-impl Stated {
-    /// The summand of the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
-    pub(super) fn beyond<const D: usize>(&self, place: &ContactPlace<D>, grown: f64) -> f64 {
-        let of_nodes = place.own.iter();
-        let of_nodes = of_nodes.map(|(node, w)| w * self.beyond.get(node).unwrap_or(&0.0));
-        of_nodes.sum::<f64>() + (1.0 - grown) * self.depth
-    }
 }
 
 /// The contact places of a pair, and its data so far.
@@ -721,73 +698,6 @@ where
             pairs: data_of_all,
             sliding,
         })
-    }
-
-    /// Completes the data that find the places of contacts between two bodies again where these have moved.
-    pub(super) fn state_sliding(
-        &self,
-        body: &Body<D>,
-        found: &mut Candidates<D>,
-    ) -> Result<(), ModelError> {
-        let mut all = HashMap::new();
-        for (number, (pair, data)) in self.pairs.iter().zip(&found.pairs).enumerate() {
-            if !data.slides() {
-                continue;
-            }
-            let failed = |error| pair.entity(number).error(Fault::Contact(error));
-            let drawn = pair
-                .meet_moved(body, data, body.mesh, &found.sliding, &[])
-                .map_err(failed)?;
-            let here = found.pair_of.iter().zip(&found.places);
-            let here = here.filter(|(of, _)| **of as usize == number);
-            let mut depth = 0.0_f64;
-            let mut beyond: Vec<(&ContactPlace<D>, f64)> = (here.zip(&drawn))
-                .map(|((_, stated), drawn)| {
-                    depth = depth.max(-stated.gap);
-                    (stated, stated.gap - drawn.gap)
-                })
-                .collect();
-            let mut of_nodes = HashMap::new();
-            if beyond.iter().any(|place| place.1 != 0.0) {
-                let all = beyond.iter();
-                let all = all.map(|(place, value)| GeomWithData::new(place.place, *value));
-                let tree = RTree::bulk_load(all.collect());
-                let near = |node: u32| {
-                    let near = tree.nearest_neighbor(body.mesh.nodes[node as usize]);
-                    near.map_or(0.0, |near| near.data)
-                };
-                // Values at nodes whose means are those of the places: at corners first, which those at middles contain.
-                beyond.sort_by_key(|(place, _)| place.own.len());
-                for (place, value) in beyond {
-                    let Some(node) = place.node else { continue };
-                    let (mut rest, mut own) = (value, 1.0);
-                    for &(other, weight) in &place.own {
-                        match other == node {
-                            true => own = weight,
-                            false => {
-                                rest -=
-                                    weight * *of_nodes.entry(other).or_insert_with(|| near(other))
-                            }
-                        }
-                    }
-                    of_nodes.insert(node, rest / own);
-                }
-                for &node in data.facets.iter().flat_map(facet_nodes) {
-                    of_nodes.entry(node).or_insert_with(|| near(node));
-                }
-            }
-            let [facet, other] =
-                [&data.facets, &data.others].map(|facets| largest_facet(body.mesh, facets));
-            let stated = Stated {
-                facet,
-                longest: facet.max(other),
-                beyond: of_nodes,
-                depth,
-            };
-            all.insert(number as u32, stated);
-        }
-        found.sliding.stated = all;
-        Ok(())
     }
 
     /// Completes the data of the contacts with their remaining places; `is_met` has those that have had any.

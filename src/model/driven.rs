@@ -71,6 +71,7 @@ pub(super) fn measured<const D: usize>(
         frame,
         gap: 0.0,
         area: 1.0,
+        part: 0,
         pool,
         slip_bound: SlipBound::Tied,
         compliance: [0.0; 2],

@@ -324,6 +324,7 @@ where
             frame: std::array::from_fn(|a| if a == 0 { normal } else { [0.0; D] }),
             gap: 0.0,
             area: section.area,
+            part: 0,
             pool: 0,
             slip_bound: SlipBound::Tied,
             compliance: [0.0; 2],

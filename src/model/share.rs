@@ -785,6 +785,7 @@ impl Place {
             frame: rows(&self.frame),
             gap: self.gap,
             area: self.area,
+            part: 0,
             pool: self.pool,
             slip_bound: match self.is_coulomb {
                 true => SlipBound::Coulomb(self.bound),

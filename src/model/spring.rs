@@ -261,6 +261,7 @@ where
             frame,
             gap: 0.0,
             area: 1.0,
+            part: 0,
             pool: 0,
             slip_bound: SlipBound::Tied,
             compliance: [self.stiffness.recip(), 0.0],

@@ -543,6 +543,7 @@ impl<const D: usize> Sums<D> {
                 .filter(|_| self.is_curved)
                 .map_or(mean_place, |node| mesh.nodes[node as usize]),
             node: at_node,
+            part: self.parts.0,
             own,
             partners,
             directed,

@@ -46,12 +46,7 @@ where
             .collect::<Result<_, _>>()?;
         let part = match options.rest {
             None => smooth_parts(facets, &at_nodes, options.edge_angle),
-            Some(rest) => {
-                let at_nodes: Vec<_> = (facets.iter())
-                    .map(|facet| normals_at_nodes(rest, facet, rest.facet_normal(facet).1))
-                    .collect::<Result<_, _>>()?;
-                smooth_parts(facets, &at_nodes, options.edge_angle)
-            }
+            Some(rest) => smooth_parts_of(rest, facets, options.edge_angle)?,
         };
         let mut normals: HashMap<(u32, u32), [f64; D]> = HashMap::new();
         for ((facet, at_nodes), &part) in facets.iter().zip(&at_nodes).zip(&part) {
@@ -152,6 +147,24 @@ where
         }
     }
     Ok(normals)
+}
+
+/// The smooth part that each facet of a boundary belongs to, with edges sharper than an angle, in degrees, between them.
+///
+/// # Errors
+/// If a facet is folded.
+pub(crate) fn smooth_parts_of<const D: usize>(
+    mesh: &Mesh<D>,
+    facets: &[Facet<D>],
+    edge_angle: f64,
+) -> Result<Vec<u32>, ContactError>
+where
+    ElementKind: Topology<D>,
+{
+    let at_nodes: Vec<_> = (facets.iter())
+        .map(|facet| normals_at_nodes(mesh, facet, mesh.facet_normal(facet).1))
+        .collect::<Result<_, _>>()?;
+    Ok(smooth_parts(facets, &at_nodes, edge_angle))
 }
 
 /// The part of each facet: neighbours whose normals differ by at most the angle, in degrees, where they meet are in the

@@ -435,6 +435,62 @@ fn a_stated_gap_stays_with_the_bodies() {
     }
 }
 
+/// What is stated for one side of an edge is no part of the gap on its other side: a block drawn above its floor, with the gap 0 there
+/// and nothing opposite its right side, comes to a wall as one that is drawn on the floor.
+#[test]
+fn a_stated_gap_ends_at_edges() {
+    let force = |above: f64| {
+        let floor = rectangle(
+            [-1.0, -1.0],
+            [3.0, 1.0],
+            [12, 4],
+            CellShape::Quad,
+            "low",
+            "low-",
+        );
+        let wall = rectangle(
+            [1.5, above],
+            [0.5, 1.0],
+            [2, 5],
+            CellShape::Quad,
+            "wall",
+            "wall-",
+        );
+        let block = rectangle(
+            [0.0, above],
+            [1.0, 0.8],
+            [5, 4],
+            CellShape::Quad,
+            "up",
+            "up-",
+        );
+        let mut pair =
+            Pair::new(["up-bottom", "up-right"], ["low-top", "wall-left"]).search_distance(0.2);
+        if above > 0.0 {
+            pair = pair.gap(0.0);
+        }
+        let model = Model::on(join(join(floor, wall), block))
+            .large_displacements()
+            .material(Material::new(1.0, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .support(Support::on("wall-right").fixed())
+            .support(Support::on("up-left").x(0.55))
+            .traction(Traction::on("up-top").y(-1e-3))
+            .contact(pair)
+            .steps([0.25, 0.5, 0.75, 1.0]);
+        let end = solved(model, 1e-9, Stiffness::Cholesky)
+            .pop()
+            .expect("a step");
+        assert_eq!(end.status, Status::Converged);
+        end.force()
+    };
+    let [drawn, stated] = [0.0, 0.1].map(force);
+    assert!(drawn[0] < -0.02, "{drawn:?}");
+    for c in 0..2 {
+        assert!((drawn[c] - stated[c]).abs() < 1e-6, "{drawn:?} {stated:?}");
+    }
+}
+
 /// Two blocks, the upper one with a bulge, pressed together, dragged and turned.
 struct Problem {
     mesh: Mesh,

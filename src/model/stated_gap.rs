@@ -1,0 +1,137 @@
+//! Gaps that are stated for two bodies at rest, where these have moved.
+
+use super::Definition;
+use super::contacts::{Candidates, largest_facet};
+use super::entities::Part as _;
+use super::error::{Fault, ModelError};
+use crate::contact::{ContactError, ContactPlace, EDGE_ANGLE, Space, smooth_parts_of};
+use crate::elasticity::Body;
+use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+use std::collections::HashMap;
+
+/// The difference between the gap that is stated for two bodies at rest and that between their meshes.
+#[derive(Clone, Debug)]
+pub(super) struct Stated {
+    /// The longest way between corners of a facet of the boundary that has the multipliers.
+    pub(super) facet: f64,
+    /// The same of either boundary.
+    pub(super) longest: f64,
+    /// At nodes of the smooth parts of the boundary that has the multipliers; none where they are equal.
+    beyond: HashMap<(u32, u32), f64>,
+    /// The deepest overlap that is stated.
+    depth: f64,
+}
+
+impl Stated {
+    /// The summand of the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
+    pub(super) fn beyond<const D: usize>(&self, place: &ContactPlace<D>, grown: f64) -> f64 {
+        let of_nodes = place.own.iter();
+        let beyond = |node| self.beyond.get(&(place.part, node)).unwrap_or(&0.0);
+        let of_nodes = of_nodes.map(|&(node, w)| w * beyond(node));
+        of_nodes.sum::<f64>() + (1.0 - grown) * self.depth
+    }
+}
+
+impl<const D: usize> Definition<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Completes the data that find the places of contacts between two bodies again where these have moved.
+    pub(super) fn state_sliding(
+        &self,
+        body: &Body<D>,
+        found: &mut Candidates<D>,
+    ) -> Result<(), ModelError> {
+        let mut all = HashMap::new();
+        for (number, (pair, data)) in self.pairs.iter().zip(&found.pairs).enumerate() {
+            if !data.slides() {
+                continue;
+            }
+            let failed = |error| pair.entity(number).error(Fault::Contact(error));
+            let drawn = pair
+                .meet_moved(body, data, body.mesh, &found.sliding, &[])
+                .map_err(failed)?;
+            let here = found.pair_of.iter().zip(&found.places);
+            let here = here.filter(|(of, _)| **of as usize == number);
+            let beyond = here
+                .zip(&drawn)
+                .map(|((_, stated), drawn)| (stated, stated.gap - drawn.gap));
+            let beyond: Vec<_> = beyond.collect();
+            let depths = beyond.iter().map(|(stated, _)| -stated.gap);
+            let depth = depths.fold(0.0, f64::max);
+            let steepest = match pair.is_by_nodes() {
+                true => None,
+                false => Some(pair.edge_angle.unwrap_or(EDGE_ANGLE)),
+            };
+            let [facet, other] =
+                [&data.facets, &data.others].map(|facets| largest_facet(body.mesh, facets));
+            let stated = Stated {
+                facet,
+                longest: facet.max(other),
+                beyond: at_nodes(body.mesh, &data.facets, steepest, beyond).map_err(failed)?,
+                depth,
+            };
+            all.insert(number as u32, stated);
+        }
+        found.sliding.stated = all;
+        Ok(())
+    }
+}
+
+/// Values at the nodes of the smooth parts of a boundary whose means are those at contact places. A node that is at none of them has
+/// the value of the nearest place of its part, and 0 where the part has no place. The whole boundary is one part where no edge is steep
+/// enough to count.
+fn at_nodes<const D: usize>(
+    mesh: &Mesh<D>,
+    facets: &[Facet<D>],
+    steepest: Option<f64>,
+    mut values: Vec<(&ContactPlace<D>, f64)>,
+) -> Result<HashMap<(u32, u32), f64>, ContactError>
+where
+    ElementKind: Space<D>,
+{
+    let mut of_nodes = HashMap::new();
+    if values.iter().all(|place| place.1 == 0.0) {
+        return Ok(of_nodes);
+    }
+    let mut trees: HashMap<u32, RTree<_>> = HashMap::new();
+    for (place, value) in &values {
+        let tree = trees.entry(place.part).or_default();
+        tree.insert(GeomWithData::new(place.place, *value));
+    }
+    let near = |&(part, node): &(u32, u32)| {
+        let near = |tree: &RTree<GeomWithData<[f64; D], f64>>| {
+            let near = tree.nearest_neighbor(mesh.nodes[node as usize]);
+            near.map(|near| near.data)
+        };
+        trees.get(&part).and_then(near).unwrap_or(0.0)
+    };
+    // At corners first, which places at middles contain.
+    values.sort_by_key(|(place, _)| place.own.len());
+    for (place, value) in values {
+        let Some(node) = place.node else { continue };
+        let (mut rest, mut own) = (value, 1.0);
+        for &(other, weight) in &place.own {
+            match other == node {
+                true => own = weight,
+                false => {
+                    let entry = of_nodes.entry((place.part, other));
+                    rest -= weight * *entry.or_insert_with_key(near);
+                }
+            }
+        }
+        of_nodes.insert((place.part, node), rest / own);
+    }
+    let parts = match steepest {
+        None => vec![0; facets.len()],
+        Some(steepest) => smooth_parts_of(mesh, facets, steepest)?,
+    };
+    for (facet, part) in facets.iter().zip(parts) {
+        for &node in facet_nodes(facet) {
+            of_nodes.entry((part, node)).or_insert_with_key(near);
+        }
+    }
+    Ok(of_nodes)
+}
