@@ -1,6 +1,7 @@
 //! The results of a solve: `report.json`, `solution.vtu`, `contact.csv`, or the vectors of a problem from matrices; with the
 //! feature `plots`, pictures and `report.html`. [`Results`] writes all of it as load steps end.
 
+mod energy;
 #[cfg(feature = "case")]
 mod export;
 mod fields;
@@ -8,13 +9,14 @@ pub(crate) mod files;
 mod hints;
 #[cfg(feature = "plots")]
 pub mod plots;
-pub(crate) mod reactions;
-mod report;
+mod reactions;
+pub(crate) mod report;
 mod results;
 mod sectors;
 pub(crate) mod vtu;
 
 pub use crate::memory::{forget_peak_memory, peak_memory_mib};
+pub use energy::EnergyReport;
 #[cfg(feature = "case")]
 pub use export::{ExportError, export};
 pub use fields::{ContactFields, NodeStatus, StepFields, shown_at_nodes};

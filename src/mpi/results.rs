@@ -8,10 +8,10 @@ use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::StepData;
 use crate::output::files::{write, write_index, write_pieces, write_report, write_vectors};
-use crate::output::reactions::support_reports;
+use crate::output::report::Balance;
 use crate::output::{
-    ContactFields, EnginePath, OfBodies, OutputError, Report, StepFields, SupportReport,
-    peak_memory_mib, prepare, vtu,
+    ContactFields, EnginePath, OfBodies, OutputError, Report, StepFields, peak_memory_mib, prepare,
+    vtu,
 };
 use crate::problem::{ContactProblem, Elsewhere};
 use crate::quasistatic::StepSolution;
@@ -145,13 +145,13 @@ where
             (Some(bodies), Some(data)) => {
                 let of = self.fields(&bodies, data, solution)?;
                 let apart = self.apart(&bodies, &of);
-                let supports = self.supports(&of, solution);
+                let balance = self.balance(&of, solution);
                 if self.group.rank() == 0 {
                     let contacts = self.report.contacts(&of, solution, &apart);
                     let load = Some((data.factor, data.total_load.to_vec()));
                     let name = |body: usize| bodies.received.common.bodies[body].name.clone();
                     self.report
-                        .push(solution, load, contacts, supports, sets, name);
+                        .push(solution, load, contacts, balance, sets, name);
                 }
                 self.write_fields(&bodies, &of, &step)?;
             }
@@ -162,7 +162,7 @@ where
                     format!("the body around ({})", centre.join(", "))
                 };
                 self.report
-                    .push(solution, None, Vec::new(), Vec::new(), sets, name);
+                    .push(solution, None, Vec::new(), Balance::default(), sets, name);
                 self.write_vectors(solution)?;
             }
         }
@@ -235,18 +235,19 @@ where
         bodies.received.part.pair_nodes.iter().map(moved).collect()
     }
 
-    /// The forces on the supports, over all ranks.
-    fn supports(&self, of: &OfBodies<D>, solution: &StepSolution<D>) -> Vec<SupportReport> {
+    /// The forces on the supports and the energy, over all ranks.
+    fn balance(&mut self, of: &OfBodies<D>, solution: &StepSolution<D>) -> Balance {
         let own = self
             .bodies
             .as_ref()
             .map_or(0, |bodies| bodies.received.part.own);
-        let mut supports = support_reports(of, solution, own);
+        let (mut supports, energy) = self.report.balance(of, solution, own);
         for support in &mut supports {
             self.group.sum(&mut support.force);
             self.group.sum(&mut support.moment);
         }
-        supports
+        let energy = energy.map(|energy| energy.combined(|all| self.group.sum(all)));
+        (supports, energy)
     }
 
     fn write_fields(

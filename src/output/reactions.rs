@@ -1,5 +1,6 @@
 //! The forces of contacts and supports at the end of a step: resultants, moments, work.
 
+use super::energy::NodalForces;
 use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::elasticity::{Deformed, Plane, Temperature, internal_forces};
@@ -343,25 +344,37 @@ where
 }
 
 /// The forces on the supports: inner forces minus all others at the nodes that they hold. Foundations follow, with their own forces.
-/// Large displacements move them; moments are about the centres at rest.
+/// Large displacements move them; moments are about the centres at rest. With all forces on the nodes.
 /// Nodes from `own` on are those of other ranks.
 pub(crate) fn support_reports<const D: usize>(
     of: &OfBodies<D>,
     solution: &StepSolution<D>,
     own: usize,
-) -> Vec<SupportReport>
+) -> (Vec<SupportReport>, NodalForces<D>)
 where
     ElementKind: Space<D>,
 {
     let (elastic, data) = (of.elastic, of.data);
-    let mut outer = data.forces.clone();
+    let at_rest = vec![[0.0; D]; elastic.mesh.nodes.len()];
+    let mut all = NodalForces {
+        loads: data.forces.clone(),
+        supports: at_rest.clone(),
+        contacts: at_rest,
+    };
+    // Rows of supports report what they carry by themselves.
+    let mut by_rows = all.supports.clone();
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
-    let places = elastic.contact.places.iter().zip(normal);
-    for ((place, normal), tangential) in places.zip(tangential.chunks(D - 1)) {
+    let places = elastic.contact.places.iter().zip(normal).enumerate();
+    for ((row, (place, normal)), tangential) in places.zip(tangential.chunks(D - 1)) {
+        let pair = elastic.pair_of[row] as usize;
+        let to = match elastic.pairs[pair].kind {
+            EntityKind::Support => &mut by_rows,
+            _ => &mut all.contacts,
+        };
         let forces = std::iter::once(normal).chain(tangential);
         for (a, force) in forces.enumerate() {
             for (node, way) in place.terms(a) {
-                (0..D).for_each(|c| outer[node as usize][c] -= force * way[c]);
+                (0..D).for_each(|c| to[node as usize][c] -= force * way[c]);
             }
         }
     }
@@ -394,6 +407,7 @@ where
     let mut carry = |node: u32, number: usize, force: [f64; D]| {
         let support: &mut SupportReport = &mut supports[number];
         add(&mut support.force, &force);
+        add(&mut all.supports[node as usize], &force);
         let mut arm = minus(elastic.mesh.nodes[node as usize], centres[number]);
         if elastic.is_large() {
             (0..D).for_each(|c| arm[c] += displacement[node as usize][c]);
@@ -401,7 +415,9 @@ where
         add(&mut support.moment, &moment(elastic.plane, arm, force));
     };
     for &(node, c, number) in &elastic.held {
-        let rest = minus(inner[node as usize], outer[node as usize]);
+        let node_of = node as usize;
+        let outer = [&all.loads, &all.contacts, &by_rows].map(|forces| forces[node_of]);
+        let rest = outer.into_iter().fold(inner[node_of], minus);
         let mut force = [0.0; D];
         match data.unknowns.frame(node) {
             None => force[c] = rest[c],
@@ -421,5 +437,5 @@ where
     for (node, number, taken) in data.unknowns.bedding().forces(displacement) {
         carry(node, number, taken.map(|f| -f));
     }
-    supports
+    (supports, all)
 }

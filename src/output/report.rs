@@ -1,5 +1,6 @@
 //! The content of `report.json`.
 
+use super::energy::{Before, EnergyReport, energy};
 use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
 use super::{OfBodies, StepResults, hints, peak_memory_mib};
 use crate::backend::Precision;
@@ -117,7 +118,13 @@ pub struct StepReport {
     pub contacts: Vec<ContactReport>,
     /// In the order of the case.
     pub supports: Vec<SupportReport>,
+    /// Missing in an algebraic case, and where temperatures act: they do work of their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<EnergyReport>,
 }
+
+/// The forces on the supports, and the energy.
+pub(crate) type Balance = (Vec<SupportReport>, Option<EnergyReport>);
 
 /// An outer step in the report.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -204,6 +211,9 @@ pub struct Report {
     /// [`ContactFields::slip`](super::ContactFields::slip) at the end of the last step; empty before the first.
     #[serde(skip)]
     slip: Vec<f64>,
+    /// The forces and displacements then.
+    #[serde(skip)]
+    before: Before,
 }
 
 /// A status, or "error".
@@ -278,6 +288,7 @@ impl Report {
                 length(minus(high, low))
             }),
             slip: Vec::new(),
+            before: Before::default(),
         }
     }
 
@@ -295,20 +306,17 @@ impl Report {
     {
         let (analysis, solution) = (results.analysis, results.solution);
         let of_bodies = results.of_bodies.as_ref();
-        let (contacts, supports) = match of_bodies {
-            Some(of) => {
-                let contacts = self.contacts(of, solution, &hints::apart(of));
-                (
-                    contacts,
-                    support_reports(of, solution, of.elastic.mesh.nodes.len()),
-                )
-            }
+        let (contacts, balance) = match of_bodies {
+            Some(of) => (
+                self.contacts(of, solution, &hints::apart(of)),
+                self.balance(of, solution, of.elastic.mesh.nodes.len()),
+            ),
             None => Default::default(),
         };
         let load = of_bodies.map(|of| (of.data.factor, of.data.total_load.to_vec()));
         let sets = solution.sets.sizes_in(analysis.problem);
         let body_name = |body| analysis.body_name(body);
-        self.push(solution, load, contacts, supports, sets, body_name);
+        self.push(solution, load, contacts, balance, sets, body_name);
         let made = self.steps.last_mut().expect("just pushed");
         if of_bodies.is_some_and(|of| of.elastic.is_large()) {
             made.iterations = Some(std::mem::replace(&mut made.rounds, 1));
@@ -332,13 +340,27 @@ impl Report {
         contacts
     }
 
+    /// The forces on the supports at the end of a step, and the energy of the first so many nodes.
+    pub(crate) fn balance<const D: usize>(
+        &mut self,
+        of: &OfBodies<D>,
+        solution: &StepSolution<D>,
+        own: usize,
+    ) -> Balance
+    where
+        ElementKind: Space<D>,
+    {
+        let (supports, forces) = support_reports(of, solution, own);
+        (supports, energy(of, forces, own, &mut self.before))
+    }
+
     /// Adds a complete step.
     pub(crate) fn push<const D: usize>(
         &mut self,
         solution: &StepSolution<D>,
         load: Option<(f64, Vec<f64>)>,
         contacts: Vec<ContactReport>,
-        supports: Vec<SupportReport>,
+        (supports, energy): Balance,
         sets: SetSizes,
         body_name: impl Fn(usize) -> String,
     ) {
@@ -371,6 +393,7 @@ impl Report {
             total_load: load.map(|load| load.1),
             contacts,
             supports,
+            energy,
         });
     }
 

@@ -42,6 +42,8 @@ pub fn compare(case: &Path, ranks: &[usize]) {
             &direct.forces(),
             size(&direct.normal_forces()),
         );
+        let expected = direct.energies();
+        let energies = off(&shared.energies(), &expected, size(&expected));
         let of =
             |column: &str, scale: f64| off(&shared.column(column), &direct.column(column), scale);
         let pressures = of("normal_pressure", size(&direct.column("normal_pressure")));
@@ -61,6 +63,10 @@ pub fn compare(case: &Path, ranks: &[usize]) {
             );
         }
         assert!(forces <= 10.0 * TOLERANCE, "{name} on {ranks}: forces");
+        assert!(
+            energies <= NODAL,
+            "{name} on {ranks}: energies {energies:e}"
+        );
         assert!(pressures <= NODAL, "{name} on {ranks}: pressures");
         assert!(slip.max(gap) <= NODAL, "{name} on {ranks}: slip or gap");
         for [found, expected] in counts {
@@ -171,6 +177,19 @@ impl Solved {
     /// The resultants of contacts and supports in all steps.
     pub fn forces(&self) -> Vec<f64> {
         self.of_steps(&["contacts", "supports"], "force")
+    }
+
+    /// Strain energy and work in all steps without temperatures.
+    fn energies(&self) -> Vec<f64> {
+        let steps = self.report["steps"].as_array().expect("steps").iter();
+        let energies = steps.filter_map(|step| step["energy"].as_object());
+        let of_step = |energy: &serde_json::Map<String, Value>| -> Vec<f64> {
+            energy
+                .values()
+                .map(|value| value.as_f64().expect("a number"))
+                .collect()
+        };
+        energies.flat_map(of_step).collect()
     }
 
     pub fn normal_forces(&self) -> Vec<f64> {

@@ -76,6 +76,26 @@ fn a_clamped_beam() {
     close(&numbers(&support["moment"]), &[30.0 + 3.0], 1e-5);
 }
 
+/// A bar 2 long, 1 high and 0.5 thick that is pressed by σ on a wall of stiffness k: all energies by hand.
+#[test]
+fn energy_and_work() {
+    let (sigma, young, k) = (3.0, 1e3, 2e3);
+    let report = solved(&format!(
+        "[analysis]\nthickness = 0.5\nplane = \"stress\"\n[mesh.rectangle]\nsize = [2, 1]\ncells = [4, 2]\n\
+         [[material]]\nyoung = {young}\npoisson = 0\n[[support]]\nboundary = \"bottom\"\ny = 0\n\
+         [[traction]]\nboundary = \"right\"\npressure = {sigma}\n\
+         [[contact]]\nboundary = \"left\"\nstiffness = {{ normal = {k} }}\n\
+         obstacle = {{ half_plane = {{ point = [0, 0], normal = [1, 0] }} }}\n[steps]\nfactors = [1, 3]\n"
+    ));
+    let (bar, wall) = (0.5 * sigma * sigma / young, 0.25 * sigma * sigma / k);
+    for (step, stored, done) in [(0, 1.0, 1.0), (1, 9.0, 8.0)] {
+        let energy = &report["steps"][step]["energy"];
+        let known = [stored * bar, done * (bar + wall), 0.0, -done * wall];
+        let told = ["strain", "loads", "supports", "contacts"].map(|name| number(&energy[name]));
+        close(&told, &known, 1e-6 * known[0]);
+    }
+}
+
 /// A block 2 × 1 × 1 on a floor, under 1000 (1 + 0.3 x) Pa, driven along (0.6, 0.8) and back by twice as much: N = 2600 N
 /// presses with −200 N m about y. The friction of each place is μ times its pressure, so that it acts where the pressure has
 /// its resultant, and turns the block by −160 μ N m about z as it goes, however the pressure is distributed.

@@ -69,7 +69,7 @@ macro_rules! solved_in {
             let mut settings = StepSettings::default();
             settings.ssnm.tolerance = tolerance;
             let mut engine = Engine::new(&built.problem, options, |_| {})?;
-            let mut ends = Vec::new();
+            let (mut ends, mut report) = (Vec::new(), Report::new("", &built));
             Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
                 if let Event::Ends(step) = event {
                     let there = step.displaced.as_deref().unwrap_or(&built);
@@ -94,9 +94,8 @@ macro_rules! solved_in {
                         forces: forces.collect(),
                         displacement: data.unknowns.displacements(&solution.u),
                         report: {
-                            let mut report = Report::new("", &built);
                             report.add_step(&StepResults::new(Analysis::from(&built), &step));
-                            report.steps.remove(0)
+                            report.steps.last().expect("just added").clone()
                         },
                     });
                 }
@@ -109,6 +108,20 @@ macro_rules! solved_in {
 
 solved_in!(tried, tried_on, 2);
 solved_in!(tried_in_space, tried_in_space_on, 3);
+
+/// The work of loads, supports and contacts on the bodies in all steps.
+fn works<const D: usize>(ends: &[End<D>]) -> [f64; 3] {
+    ends.iter().fold([0.0; 3], |sum, end| {
+        let energy = end.report.energy.as_ref().expect("no temperatures");
+        let all = [energy.loads, energy.supports, energy.contacts];
+        std::array::from_fn(|kind| sum[kind] + all[kind])
+    })
+}
+
+/// The strain energy at the end of a step.
+fn strain<const D: usize>(end: &End<D>) -> f64 {
+    end.report.energy.as_ref().expect("no temperatures").strain
+}
 
 /// Solves the problems of these seeds; what is wrong, and how many load steps converged, were found unstable or not held, and ended
 /// otherwise. `broken` judges a load step that converged, by its number from 0 and the displacements at the end of the one before.

@@ -215,6 +215,24 @@ fn balance(out: &mut String, report: &Report, step: &StepReport) {
         row.collect()
     });
     table(out, "Balance of forces", &head, rows);
+    let Some(energy) = &step.energy else {
+        return;
+    };
+    let head = ["strain", "work of loads", "of supports", "of contacts"];
+    let head = head.map(|name| Units::named(name, &report.units.moment()));
+    let row = [
+        energy.strain,
+        energy.loads,
+        energy.supports,
+        energy.contacts,
+    ];
+    let row = row.map(|v| format!("{v:.6e}")).to_vec();
+    table(
+        out,
+        "Energy",
+        &head.each_ref().map(String::as_str),
+        [row].into_iter(),
+    );
 }
 
 /// The load steps, a row each.

@@ -1,6 +1,6 @@
 //! Closed forms and figures of other programs.
 
-use super::{End, far, neo_hooke, solved, solved_in_space};
+use super::{End, far, neo_hooke, solved, solved_in_space, strain, works};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness::Cholesky;
@@ -138,6 +138,17 @@ fn a_force_bends_a_cantilever() {
     let ends = solved(model, 1e-7, Cholesky);
     assert_quick(&ends, 7.0);
     check("plane", std::array::from_fn(|i| ends[i].displacement[tip]));
+    // The first step, which moves the tip by a third of the length, gets 5.2 % more work by the trapezoidal rule than is stored.
+    for (step, end) in ends.iter().enumerate() {
+        let [loads, supports, contacts] = works(&ends[..=step]);
+        let off = loads / strain(end) - 1.0;
+        assert!(
+            off > 0.0 && off < [0.06, 0.04, 0.035, 0.03][step.min(3)],
+            "{off}"
+        );
+        assert_eq!(contacts, 0.0);
+        assert!(supports.abs() < 1e-12 * loads);
+    }
 
     let size = [LENGTH, 0.4, thickness];
     let cells = [16, 1, 1];

@@ -1,7 +1,7 @@
 //! Two bodies that slide over each other, against closed forms, small displacements and finer meshes.
 
 use super::elements::{cross, length, minus, plus, turned};
-use super::{End, neo_hooke, solved};
+use super::{End, neo_hooke, solved, strain, works};
 use signorini::elasticity::{Hyperelastic, Material, Plane};
 use signorini::engine::Stiffness::Cholesky;
 use signorini::mesh::Mesh;
@@ -463,6 +463,23 @@ fn a_beam_snaps_over_a_bump() {
         let forces = way.iter().map(|end| against * end.force()[0] / most);
         let signs: Vec<bool> = forces.filter(|f| f.abs() > 0.01).map(|f| f > 0.0).collect();
         assert!(signs.is_sorted_by(|a, b| a >= b), "{signs:?}");
+    }
+    // What the supports have done, friction has taken.
+    for (ends, coulomb) in [(&smooth, 0.0), (&fine, 0.2)] {
+        let [loads, supports, contacts] = works(ends);
+        let most = ends.iter().map(strain).fold(0.0, f64::max);
+        let rubbed: f64 = ends
+            .iter()
+            .map(|end| end.report.contacts[0].slipping_work)
+            .sum();
+        assert_eq!(loads, 0.0);
+        assert!(strain(&ends[39]) < 1e-12 * most);
+        let off = [supports + contacts, 0.05 * (contacts + rubbed)];
+        assert!(
+            off.iter().all(|off| off.abs() < 1e-4 * rubbed.max(most)),
+            "{supports} {contacts} {rubbed}"
+        );
+        assert_eq!(rubbed > 0.0, coulomb > 0.0);
     }
 }
 

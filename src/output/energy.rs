@@ -1,0 +1,111 @@
+//! The energy of the bodies at the end of a step, and the work on them in it.
+
+use super::OfBodies;
+use crate::contact::Space;
+use crate::elasticity::Deformed;
+use crate::mesh::ElementKind;
+use serde::Serialize;
+
+/// Strain energy and work in a load step, in the unit of force times that of length; in the plane of the whole thickness, around an axis of
+/// the whole ring.
+///
+/// Work is that of the mean of the forces at the beginning and at the end of the step (trapezoidal rule). Where displacements are
+/// small, the strain energy has changed by the sum of all work. Where they are large, the difference is of third order in the length
+/// of the step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct EnergyReport {
+    /// The strain energy of the bodies at the end of the step.
+    pub strain: f64,
+    /// The work of the loads on the bodies in the step.
+    pub loads: f64,
+    /// The work of supports and foundations.
+    pub supports: f64,
+    /// The work of contacts, ties, springs and all other joints: below 0 where friction dissipates or springs store, above 0 where
+    /// obstacles push, interferences are pressed apart or bolts are tightened.
+    pub contacts: f64,
+}
+
+impl EnergyReport {
+    /// Of several parts of the bodies together.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn combined(self, sum: impl FnOnce(&mut [f64])) -> Self {
+        let mut all = [self.strain, self.loads, self.supports, self.contacts];
+        sum(&mut all);
+        let [strain, loads, supports, contacts] = all;
+        Self {
+            strain,
+            loads,
+            supports,
+            contacts,
+        }
+    }
+}
+
+/// The forces on all nodes at the end of a step.
+pub(crate) struct NodalForces<const D: usize> {
+    pub loads: Vec<[f64; D]>,
+    /// Of supports and foundations.
+    pub supports: Vec<[f64; D]>,
+    /// Of contacts and joints.
+    pub contacts: Vec<[f64; D]>,
+}
+
+/// Displacements and forces at the end of the step before, D numbers a node; empty if that is the state at rest.
+#[derive(Debug, Default)]
+pub(super) struct Before {
+    displacement: Vec<f64>,
+    /// Of loads, supports and contacts.
+    forces: [Vec<f64>; 3],
+}
+
+/// The energy of the first so many nodes, and the work on them since `before`, which becomes the present state. None where
+/// temperatures act: they do work of their own.
+pub(super) fn energy<const D: usize>(
+    of: &OfBodies<D>,
+    forces: NodalForces<D>,
+    own: usize,
+    before: &mut Before,
+) -> Option<EnergyReport>
+where
+    ElementKind: Space<D>,
+{
+    if !of.data.temperature.is_none() {
+        return None;
+    }
+    let displacement = &of.fields.displacement[..own];
+    let flat = |of_nodes: &[[f64; D]]| of_nodes[..own].as_flattened().to_vec();
+    let now = Before {
+        displacement: flat(displacement),
+        forces: [forces.loads, forces.supports, forces.contacts].map(|all| flat(&all)),
+    };
+    let at = |values: &[f64], i: usize| values.get(i).copied().unwrap_or(0.0);
+    let work = |kind: usize| -> f64 {
+        let (here, there) = (&now.forces[kind], &before.forces[kind]);
+        let each = here.iter().zip(&now.displacement).enumerate();
+        each.map(|(i, (force, u))| 0.5 * (force + at(there, i)) * (u - at(&before.displacement, i)))
+            .sum()
+    };
+    let [loads, supports, contacts] = [0, 1, 2].map(work);
+    let strain = match of.elastic.is_large() {
+        true => {
+            let body = of.elastic.body();
+            Deformed::new(&body, displacement, None).resistance().energy
+        }
+        // Clapeyron's theorem.
+        false => {
+            let all = now.forces.iter();
+            let of_kind = |forces: &Vec<f64>| {
+                let each = forces.iter().zip(&now.displacement);
+                each.map(|(force, u)| 0.5 * force * u).sum::<f64>()
+            };
+            all.map(of_kind).sum()
+        }
+    };
+    *before = now;
+    Some(EnergyReport {
+        strain,
+        loads,
+        supports,
+        contacts,
+    })
+}
