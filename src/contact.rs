@@ -15,11 +15,12 @@ mod search;
 mod tests;
 mod transformed;
 
-pub(crate) use crossing::crosses_itself;
+pub(crate) use crossing::{crosses_itself, enclosed};
 pub use equal::equal_nodes;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub(crate) use mortar::{are_excluded, smooth_parts_of};
 pub use nodes::{Met, node_contact};
+pub(crate) use nodes::{areas, shares};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
 pub(crate) use rows::pooled;
@@ -115,8 +116,11 @@ where
     /// Between bodies that have moved, the mesh at rest. Fields are functions of places there, and edges cut the
     /// boundaries into parts as they did there. Gaps are the distances of the moved boundaries, of either sign.
     pub rest: Option<&'a Mesh<D>>,
+    /// What is behind each facet of the boundary at rest, and behind those of the other one; of one that meets itself behind its own
+    /// alone, and empty where no body is on both sides.
+    pub walls: &'a [Wall<D>],
     /// Of a boundary that meets itself.
-    pub itself: Option<Itself<'a, D>>,
+    pub itself: Option<Itself<'a>>,
 }
 
 impl<const D: usize> Default for PairOptions<'_, D>
@@ -139,6 +143,7 @@ where
             search_distance: None,
             moves: false,
             rest: None,
+            walls: &[],
             itself: None,
         }
     }

@@ -1,8 +1,10 @@
-//! Whether a boundary has passed through itself.
+//! Whether a boundary has passed through itself, or a node into another body.
 
+use super::frame;
+use super::nodes::depth_within;
 use super::search::{Beam, Search};
-use crate::mesh::vector::{cross, dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_nodes, facet_parts};
+use crate::mesh::vector::{cross, dot, length, minus, unit};
+use crate::mesh::{ElementKind, Facet, Mesh, Topology, bounds, facet_nodes, facet_parts};
 use rayon::prelude::*;
 use std::array::from_fn;
 
@@ -57,6 +59,47 @@ where
         _ => vec![part],
     });
     simplices.collect()
+}
+
+/// Those of some nodes that are inside of other bodies, farther than a distance from the outside of these: the way out of a body crosses its
+/// outside an odd number of times.
+pub(crate) fn enclosed<const D: usize>(
+    mesh: &Mesh<D>,
+    nodes: &[u32],
+    is_of_bodies: impl Fn(u32) -> bool,
+    deeper: f64,
+) -> Vec<u32>
+where
+    ElementKind: Topology<D>,
+{
+    let theirs: Vec<u32> = (0..mesh.nodes.len() as u32)
+        .filter(|&node| is_of_bodies(node))
+        .collect();
+    let at = |node: &u32| mesh.nodes[*node as usize];
+    let (low, high) = bounds(theirs.iter().map(at));
+    let is_near = |node: &&u32| (0..D).all(|c| (low[c]..=high[c]).contains(&at(node)[c]));
+    let near: Vec<u32> = nodes.iter().filter(is_near).copied().collect();
+    if near.is_empty() {
+        return near;
+    }
+    let skin = mesh.outer_facets_at(&theirs, true);
+    let search = Search::new(mesh, &skin);
+    // In no direction in which meshes have edges.
+    let axes = frame(unit(from_fn(|c| [0.642, 0.581, 0.501][c])));
+    let far = 2.0 * length(minus(high, low));
+    let crosses_out = |x: [f64; D]| {
+        let out = from_fn(|c| x[c] + far * axes[0][c]);
+        let facets = search.near(Beam::around(axes, [x, out], [0.0; D]));
+        let simplices = facets.flat_map(|(_, facet)| simplices(&facet));
+        let crossed = simplices.filter(|nodes| {
+            let through: Vec<[f64; D]> = nodes.iter().map(at).collect();
+            passes(x, out, &through, 0.0)
+        });
+        crossed.count() % 2 == 1
+    };
+    let is_deep = |x| depth_within(mesh, &search, &skin, x, deeper, |_| true).is_none();
+    let inside = |node: &u32| is_deep(at(node)) && crosses_out(at(node));
+    near.into_par_iter().filter(inside).collect()
 }
 
 /// Whether an edge of a facet passes through another facet.

@@ -435,7 +435,7 @@ where
             }
             let mut near = second.near(mesh, &search, &slave, distance);
             if let (Some(itself), Some((carries, limits))) = (options.itself, &carries) {
-                itself.may_meet(facets, number, &mut near);
+                itself.may_meet(facets, options.walls, number, &mut near);
                 for other in &mut near {
                     other.hides |= carries[other.number];
                     let mut limits = limits[number].iter();
@@ -443,6 +443,10 @@ where
                         other.deepest = limit.1;
                     }
                 }
+            }
+            if let (None, Some(wall)) = (options.itself, options.walls.get(number)) {
+                let across = &options.walls[facets.len()..];
+                near.retain(|other| !wall.is_between(&across[other.number]));
             }
             let nodes = facet_nodes(&facets[number]);
             let made = integrate(&slave, nodes, &near, distance, rounding, options);

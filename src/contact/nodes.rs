@@ -100,7 +100,12 @@ where
             }
         })
         .collect();
-    let areas = areas(body, nodes, around, &found, options.friction);
+    let ways: Vec<_> = found
+        .iter()
+        .map(|found| found.as_ref().map(|found| found.1))
+        .collect();
+    let is_tie = matches!(options.friction, Friction::Tied);
+    let areas = areas(body, nodes, around, &ways, is_tie);
     let mut places = Vec::new();
     for ((&node, area), found) in nodes.iter().zip(areas).zip(found) {
         let Some((partners, normal, distance)) = found else {
@@ -166,29 +171,29 @@ where
     Ok(places)
 }
 
-/// The share that each node has of the facets around it that look at the other side; those of a tie may look away from it.
-fn areas<const D: usize>(
+/// The share that each node has of the facets around it that look at the other side, in its way; those of a tie may look away from it.
+pub(crate) fn areas<const D: usize>(
     body: &Body<D>,
     nodes: &[u32],
     around: &[Facet<D>],
-    found: &[Option<Opposite<D>>],
-    friction: Friction<D>,
+    ways: &[Option<[f64; D]>],
+    is_tie: bool,
 ) -> Vec<f64>
 where
     ElementKind: Topology<D>,
 {
     let mut towards = vec![None; body.mesh.nodes.len()];
-    for (&node, found) in nodes.iter().zip(found) {
-        towards[node as usize] = found.as_ref().map(|found| found.1);
+    for (&node, way) in nodes.iter().zip(ways) {
+        towards[node as usize] = *way;
     }
     let facing = around.iter().filter(|facet| {
         let (_, outward) = body.mesh.facet_normal(facet);
         let mut ways = facet_nodes(*facet)
             .iter()
             .filter_map(|&node| towards[node as usize]);
-        ways.any(|way| match friction {
-            Friction::Tied => dot(outward, way).abs() > FACES,
-            _ => dot(outward, way) > FACES,
+        ways.any(|way| match is_tie {
+            true => dot(outward, way).abs() > FACES,
+            false => dot(outward, way) > FACES,
         })
     });
     let facing: Vec<Facet<D>> = facing.copied().collect();
@@ -199,7 +204,7 @@ where
 }
 
 /// The share that each node of the mesh has of the area of facets.
-pub(super) fn shares<const D: usize>(body: &Body<D>, facets: &[Facet<D>]) -> Vec<f64>
+pub(crate) fn shares<const D: usize>(body: &Body<D>, facets: &[Facet<D>]) -> Vec<f64>
 where
     ElementKind: Topology<D>,
 {

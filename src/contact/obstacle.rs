@@ -1,5 +1,6 @@
 //! Rigid obstacles.
 
+use super::nodes::shares;
 use super::transformed::Transformed;
 use super::{
     ContactError, ContactPlace, Friction, PairOptions, SlipBound, checked, frame, rounding,
@@ -198,10 +199,8 @@ where
     }
     let near = options.distance_to(body, facets, obstacle);
     let transformed = Transformed::new(body.plane, facets);
-    let mut area = vec![0.0; mesh.nodes.len()];
-    let mut bound = area.clone();
-    body.integrate_on_boundary(facets, &|_| 1.0, &mut area);
-    transformed.share(&mut area);
+    let area = shares(body, facets);
+    let mut bound = vec![0.0; mesh.nodes.len()];
     if let Friction::Tresca(tresca) = options.friction {
         body.integrate_on_boundary(facets, tresca, &mut bound);
         transformed.share(&mut bound);

@@ -285,6 +285,7 @@ fn places_of_a_pool_have_their_forces_in_common() {
         frame,
         gap: 0.0,
         area: 1.0,
+        part: 0,
         pool,
         slip_bound: SlipBound::Given(0.0),
         compliance: [0.0; 2],

@@ -19,7 +19,6 @@ use crate::mesh::{
     ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
     unsided,
 };
-use crate::problem::UNREACHABLE;
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -40,7 +39,8 @@ where
     pub facets: Vec<Facet<D>>,
     /// Those of the master boundary; none for an obstacle.
     pub others: Vec<Facet<D>>,
-    /// Of a boundary that meets itself, what is behind each facet; otherwise empty.
+    /// What is behind each facet of a boundary that meets itself; otherwise behind its facets and those of the other boundary, if a body
+    /// is on both sides.
     pub walls: Vec<Wall<D>>,
     /// Of a boundary that meets itself, the exclusions of each facet; empty where there are none.
     pub excluded: Vec<Vec<Excluded>>,
@@ -142,7 +142,7 @@ where
 
     /// Whether its boundary meets itself.
     pub(super) fn meets_itself(&self) -> bool {
-        !self.walls.is_empty()
+        self.walls.len() == self.facets.len() && !self.walls.is_empty()
     }
 
     /// Whether two bodies meet that are not tied.
@@ -268,8 +268,22 @@ pub(super) struct Sliding<const D: usize> {
     symmetry: Directions<D>,
     /// The directions along which nodes are held.
     pub(super) held: Directions<D>,
+    /// The body of each node.
+    pub(super) body_of: Vec<u32>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
+}
+
+/// Whether two boundaries have facets of one body.
+fn have_common_body<const D: usize>(body_of: &[u32], sides: [&[Facet<D>]; 2]) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    let [own, other] = sides.map(|facets| -> HashSet<u32> {
+        let first = facets.iter().map(|facet| facet_nodes(facet)[0]);
+        first.map(|node| body_of[node as usize]).collect()
+    });
+    !own.is_disjoint(&other)
 }
 
 /// The contact places of a pair, and its data so far.
@@ -357,14 +371,9 @@ where
             }
             _ => None,
         };
-        let gap = |x| {
-            of_arcs.unwrap_or_else(|| {
-                self.gap
-                    .as_ref()
-                    .map_or(0.0, |gap| gap.at_most(x, UNREACHABLE))
-            })
-        };
-        let overlap = |x| (self.interference.as_ref()).map_or(0.0, |overlap| overlap.at(x));
+        let stated = self.stated_gap().map(|(_, gap)| gap);
+        let gap = |x| of_arcs.unwrap_or_else(|| stated.as_ref().map_or(0.0, |gap| gap(x)));
+        let overlap = |x| -gap(x);
         let [normal, tangential] = [0, 1].map(|way: usize| {
             let stiffness = self.stiffness.both()[way];
             move |x| stiffness.map_or(f64::NAN, |k| k.at(x))
@@ -413,11 +422,14 @@ where
                 if self.is_with_itself() {
                     behind = walls(body, &facets, distance, &options).map_err(Fault::Contact)?;
                     options.itself = Some(Itself {
-                        walls: &behind,
                         before: &[],
                         excluded: &excluded,
                     });
+                } else if !self.is_tie() && have_common_body(&sliding.body_of, [&facets, &others]) {
+                    let both = [&facets[..], &others].concat();
+                    behind = walls(body, &both, distance, &options).map_err(Fault::Contact)?;
                 }
+                options.walls = &behind;
                 let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
                     false => mortar_contact(body, &facets, &others, &options).map(|found| {
@@ -545,8 +557,8 @@ where
             search_distance: Some(data.search_distance),
             moves: true,
             rest: Some(rest),
+            walls: &data.walls,
             itself: data.meets_itself().then_some(Itself {
-                walls: &data.walls,
                 before,
                 excluded: &data.excluded,
             }),
@@ -655,6 +667,7 @@ where
         let sliding = Sliding {
             symmetry: self.symmetry_planes(body.mesh)?,
             held: self.held_directions(body.mesh, unknowns)?,
+            body_of: body.mesh.bodies().1,
             stated: HashMap::new(),
         };
         let (mut places_of_all, mut pair_of, mut data_of_all) =

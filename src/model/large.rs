@@ -145,6 +145,8 @@ pub(crate) struct Configuration<const D: usize> {
     pub is_replaced: bool,
     /// The rounding error of the forces.
     rounding: f64,
+    /// How far from the origin each unknown may have been and is.
+    sizes: Vec<f64>,
     /// λ, in the rows of the problem.
     pub lambda: Vec<f64>,
     /// The contact places, with the forces of the configuration before.
@@ -532,16 +534,15 @@ where
             }
         }
         let force = norm(resistance.forces.as_flattened()).max(norm(outer.as_flattened()));
+        let sizes: Vec<f64> = (0..to.unknowns.n_blocks())
+            .map(|block| to.unknowns.node(block) as usize)
+            .flat_map(|node| [length(u[node]) + length(self.mesh.nodes[node]); D])
+            .collect();
         // The effect of rounded coordinates on the forces on each node, by the stiffness of the node.
-        let rounding = ROUNDING
-            * norm(
-                &(stiffness.diagonal().chunks_exact(D).enumerate())
-                    .map(|(block, k)| {
-                        let node = to.unknowns.node(block) as usize;
-                        norm_max(k) * (length(u[node]) + length(self.mesh.nodes[node]))
-                    })
-                    .collect::<Vec<f64>>(),
-            );
+        let diagonal = stiffness.diagonal();
+        let rounded = diagonal.chunks_exact(D).zip(sizes.chunks_exact(D));
+        let rounded: Vec<f64> = rounded.map(|(k, size)| norm_max(k) * size[0]).collect();
+        let rounding = ROUNDING * norm(&rounded);
         let (_, slide) = contact.held_motion(&left);
         let mut gap = contact.gap(&left);
         for (r, i, _) in contact.numbered() {
@@ -593,6 +594,7 @@ where
             },
             is_replaced,
             rounding,
+            sizes,
             problem,
             load,
             state,
@@ -787,11 +789,15 @@ impl<const D: usize> Configuration<D> {
     pub fn violation(&self) -> Kkt {
         let zeros = &self.state.u;
         let product = [zeros.clone(), zeros.clone()];
-        let mut kkt = (self.lawful()).conditions_by(self.scales, zeros, &self.lambda, &product);
+        let lawful = self.lawful();
+        let mut kkt = lawful.conditions_by(self.scales, &self.sizes, zeros, &self.lambda, &product);
         // Without any load the forces of turned bodies are rounding alone.
         let known = self.rounding / self.scales.force;
         if known.is_finite() && kkt.equilibrium <= known {
             kkt.equilibrium = 0.0;
+        }
+        if norm_max(&self.lambda) <= self.rounding {
+            (kkt.tension, kkt.friction_bound) = (0.0, 0.0);
         }
         kkt
     }

@@ -241,7 +241,21 @@ impl<const D: usize> Pair<D> {
 
     /// Whether the gap is the distance of the meshes.
     pub(super) fn has_gap_of_meshes(&self) -> bool {
-        self.gap.is_none() && self.interference.is_none()
+        self.stated_gap().is_none()
+    }
+
+    /// The gap that is stated as a function of the place at rest, below 0 as an interference, and the key that states it.
+    pub(super) fn stated_gap(&self) -> Option<(&'static str, impl Fn([f64; D]) -> f64 + '_)> {
+        let (key, value) = match (&self.gap, &self.interference) {
+            (Some(gap), _) => ("gap", gap),
+            (None, Some(interference)) => ("interference", interference),
+            (None, None) => return None,
+        };
+        let at = move |x| match key {
+            "gap" => value.at_most(x, UNREACHABLE),
+            _ => -value.at(x),
+        };
+        Some((key, at))
     }
 
     pub(super) fn is_tie(&self) -> bool {

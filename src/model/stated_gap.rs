@@ -18,8 +18,10 @@ pub(super) struct Stated {
     pub(super) facet: f64,
     /// The same of either boundary.
     pub(super) longest: f64,
-    /// At nodes of the smooth parts of the boundary that has the multipliers; none where they are equal.
+    /// At nodes of the smooth parts of the boundary that has the multipliers, without the offset; none where they are equal.
     beyond: HashMap<(u32, u32), f64>,
+    /// What is added everywhere.
+    offset: f64,
     /// The deepest overlap that is stated.
     depth: f64,
 }
@@ -30,7 +32,7 @@ impl Stated {
         let of_nodes = place.own.iter();
         let beyond = |node| self.beyond.get(&(place.part, node)).unwrap_or(&0.0);
         let of_nodes = of_nodes.map(|&(node, w)| w * beyond(node));
-        of_nodes.sum::<f64>() + (1.0 - grown) * self.depth
+        of_nodes.sum::<f64>() + self.offset + (1.0 - grown) * self.depth
     }
 }
 
@@ -55,12 +57,27 @@ where
                 .map_err(failed)?;
             let here = found.pair_of.iter().zip(&found.places);
             let here = here.filter(|(of, _)| **of as usize == number);
-            let beyond = here
+            let both: Vec<_> = here
                 .zip(&drawn)
-                .map(|((_, stated), drawn)| (stated, stated.gap - drawn.gap));
-            let beyond: Vec<_> = beyond.collect();
-            let depths = beyond.iter().map(|(stated, _)| -stated.gap);
+                .map(|((_, place), drawn)| [place, drawn])
+                .collect();
+            if both.is_empty()
+                && let Some((key, _)) = pair.stated_gap()
+            {
+                return Err(pair.entity(number).at(key).error(format!(
+                    "no parts of both sides are opposite to each other within the search distance of {} at rest, and {key} says how far apart \
+                     such parts are: draw the sides at their distance and leave out {key}, or state a larger search_distance",
+                    self.units().long(data.search_distance)
+                )));
+            }
+            let depths = both.iter().map(|[stated, _]| -stated.gap);
             let depth = depths.fold(0.0, f64::max);
+            let beyond = both.into_iter().map(|[place, drawn]| Beyond {
+                place,
+                value: place.gap - pair.offset - drawn.gap,
+                drawn: drawn.gap,
+            });
+            let value = pair.stated_gap().map(|(_, value)| value);
             let steepest = match pair.is_by_nodes() {
                 true => None,
                 false => Some(pair.edge_angle.unwrap_or(EDGE_ANGLE)),
@@ -70,7 +87,9 @@ where
             let stated = Stated {
                 facet,
                 longest: facet.max(other),
-                beyond: at_nodes(body.mesh, &data.facets, steepest, beyond).map_err(failed)?,
+                beyond: at_nodes(body.mesh, &data.facets, steepest, beyond.collect(), value)
+                    .map_err(failed)?,
+                offset: pair.offset,
                 depth,
             };
             all.insert(number as u32, stated);
@@ -80,37 +99,52 @@ where
     }
 }
 
-/// Values at the nodes of the smooth parts of a boundary whose means are those at contact places. A node that is at none of them has
-/// the value of the nearest place of its part, and 0 where the part has no place. The whole boundary is one part where no edge is steep
-/// enough to count.
+/// What is stated for a place beyond the distance of the meshes there.
+struct Beyond<'p, const D: usize> {
+    place: &'p ContactPlace<D>,
+    value: f64,
+    /// The distance of the meshes.
+    drawn: f64,
+}
+
+/// Values at the nodes of the smooth parts of a boundary whose means are those at contact places. A node that is at none of them takes
+/// over the value of the nearest place of its part or, where the gap is stated as a function of the place, the distance of the meshes
+/// there. In a part without a place the value is 0. The whole boundary is one part where no edge is steep enough to count.
 fn at_nodes<const D: usize>(
     mesh: &Mesh<D>,
     facets: &[Facet<D>],
     steepest: Option<f64>,
-    mut values: Vec<(&ContactPlace<D>, f64)>,
+    mut places: Vec<Beyond<D>>,
+    stated: Option<impl Fn([f64; D]) -> f64>,
 ) -> Result<HashMap<(u32, u32), f64>, ContactError>
 where
     ElementKind: Space<D>,
 {
     let mut of_nodes = HashMap::new();
-    if values.iter().all(|place| place.1 == 0.0) {
+    if stated.is_none() && places.iter().all(|at| at.value == 0.0) {
         return Ok(of_nodes);
     }
     let mut trees: HashMap<u32, RTree<_>> = HashMap::new();
-    for (place, value) in &values {
-        let tree = trees.entry(place.part).or_default();
-        tree.insert(GeomWithData::new(place.place, *value));
+    for (number, at) in places.iter().enumerate() {
+        let tree = trees.entry(at.place.part).or_default();
+        tree.insert(GeomWithData::new(at.place.place, number));
     }
+    let taken = places.iter().map(|at| match stated {
+        Some(_) => -at.drawn,
+        None => at.value,
+    });
+    let taken: Vec<f64> = taken.collect();
     let near = |&(part, node): &(u32, u32)| {
-        let near = |tree: &RTree<GeomWithData<[f64; D], f64>>| {
-            let near = tree.nearest_neighbor(mesh.nodes[node as usize]);
-            near.map(|near| near.data)
+        let x = mesh.nodes[node as usize];
+        let near = |tree: &RTree<GeomWithData<[f64; D], usize>>| {
+            let near = tree.nearest_neighbor(x)?;
+            Some(taken[near.data] + stated.as_ref().map_or(0.0, |stated| stated(x)))
         };
         trees.get(&part).and_then(near).unwrap_or(0.0)
     };
     // At corners first, which places at middles contain.
-    values.sort_by_key(|(place, _)| place.own.len());
-    for (place, value) in values {
+    places.sort_by_key(|at| at.place.own.len());
+    for Beyond { place, value, .. } in places {
         let Some(node) = place.node else { continue };
         let (mut rest, mut own) = (value, 1.0);
         for &(other, weight) in &place.own {

@@ -119,19 +119,26 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// The optimality conditions at (u, λ) where the product of K with [`ContactProblem::deformed`] is known, with its sizes.
     pub(crate) fn conditions(&self, u: &[f64], lambda: &[f64], product: &[Vec<f64>; 2]) -> Kkt {
-        self.conditions_by(self.scales(u, lambda), u, lambda, product)
+        self.conditions_by(
+            self.scales(u, lambda),
+            &self.body_sizes(u),
+            u,
+            lambda,
+            product,
+        )
     }
 
-    /// The same, measured by other scales.
+    /// The same, measured by other scales; gaps and slip are rounded as much as sums with terms of these `sizes` for each unknown.
     pub(crate) fn conditions_by(
         &self,
         scales: Scales,
+        sizes: &[f64],
         u: &[f64],
         lambda: &[f64],
         product: &[Vec<f64>; 2],
     ) -> Kkt {
         let m = self.m();
-        let rounding = self.rounding(self.row_sizes(&self.body_sizes(u)), lambda);
+        let rounding = self.rounding(self.row_sizes(sizes), lambda);
         let (lambda_n, lambda_t) = lambda.split_at(m);
         let mut closing = self.beyond_compliance(self.normal(), 0, u, lambda);
         for (closing, (d, rounding)) in closing.iter_mut().zip(self.gap().iter().zip(&rounding)) {

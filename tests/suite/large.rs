@@ -1,5 +1,6 @@
 //! Large displacements: what turns as a whole, figures of an independent program, closed forms, and what buckles.
 
+mod alike;
 mod connected;
 mod elements;
 mod itself;

@@ -20,9 +20,7 @@ use std::collections::{BTreeMap, HashMap};
 
 /// What is known of a boundary that meets itself before its places are found.
 #[derive(Clone, Copy, Debug)]
-pub struct Itself<'a, const D: usize> {
-    /// What is behind each facet.
-    pub walls: &'a [Wall<D>],
+pub struct Itself<'a> {
     /// Above 0 where a facet had multipliers in the configuration before, below 0 where it was met; may be empty.
     pub before: &'a [i32],
     /// The sides of exclusions that each facet is on; may be empty.
@@ -72,34 +70,38 @@ impl<const D: usize> Wall<D> {
             && (depth - self.thickness).abs() < some
             && length(aside) < some + self.size + other.size
     }
+
+    /// Whether this facet and another one are the two sides of a wall.
+    pub(super) fn is_between(&self, other: &Self) -> bool {
+        self.ends_at(other) || other.ends_at(self)
+    }
 }
 
-impl<const D: usize> Itself<'_, D> {
+impl Itself<'_> {
     /// Those of the facets `near` that one of the boundary may meet: they have no node in common, and are not the other side of
     /// its wall. Those that it must not meet are in the way of what is behind them.
-    pub(super) fn may_meet(
+    pub(super) fn may_meet<const D: usize>(
         &self,
         facets: &[Facet<D>],
+        walls: &[Wall<D>],
         number: usize,
         near: &mut Vec<MasterFacet<D>>,
     ) where
         ElementKind: Topology<D>,
     {
-        let (own, wall) = (facet_nodes(&facets[number]), &self.walls[number]);
+        let (own, wall) = (facet_nodes(&facets[number]), &walls[number]);
         near.retain_mut(|other| {
-            let across = &self.walls[other.number];
+            let across = &walls[other.number];
             other.deepest = DEEPEST * wall.thickness.min(across.thickness);
             other.is_first = true;
             other.hides = are_excluded(self.excluded, [number, other.number]);
-            !wall.ends_at(across)
-                && !across.ends_at(wall)
-                && !other.nodes().iter().any(|node| own.contains(node))
+            !wall.is_between(across) && !other.nodes().iter().any(|node| own.contains(node))
         });
     }
 
     /// Whether each facet of a boundary carries multipliers, and with which others its overlaps end sooner than their walls: these,
     /// each with its deepest overlap.
-    pub(super) fn carriers<'s>(
+    pub(super) fn carriers<'s, const D: usize>(
         &self,
         body: &Body<D>,
         surface: &Surface<D>,
@@ -120,7 +122,7 @@ impl<const D: usize> Itself<'_, D> {
             .map(|number| {
                 let slave = SlaveFacet::new(body, surface, number);
                 let mut near = surface.near(mesh, search, &slave, distance);
-                self.may_meet(facets, number, &mut near);
+                self.may_meet(facets, options.walls, number, &mut near);
                 let mut covers = <ElementKind as Mortar<D>>::covers(&slave, &near, distance);
                 let mut limits = Vec::new();
                 if deepest(&covers) > SHALLOW * slave.size()
@@ -205,7 +207,7 @@ impl<const D: usize> Itself<'_, D> {
     }
 }
 
-/// What is behind the facets of a boundary that may meet itself within a distance, on the body at rest.
+/// What is behind the facets of a boundary, or of two that may have the sides of one wall, within a distance on the body at rest.
 ///
 /// # Errors
 /// If it turns back on itself within a smooth part.

@@ -10,13 +10,14 @@ use super::super::contacts::PairData;
 use super::super::driven::Driven;
 use super::super::elastic::Elastic;
 use super::super::entities::Part as _;
-use super::super::error::{Fault, ModelError};
+use super::super::error::{EntityKind, Fault, ModelError};
 use super::super::motion::Moved;
 use super::super::spring::Spring;
+use super::connected::Carried;
 use super::{Deformation, Moment};
 use crate::contact::{
-    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, are_excluded,
-    crosses_itself, frame, node_contact,
+    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, are_excluded, areas,
+    crosses_itself, enclosed, frame, node_contact, shares,
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
@@ -235,6 +236,34 @@ where
         sum
     }
 
+    /// By how much the vector from one side of a tied place to the other at rest changes as it turns with the facets `around` its
+    /// partners.
+    fn turn_of_gap(
+        &self,
+        place: &ContactPlace<D>,
+        around: &HashMap<u32, Vec<u32>>,
+        u: &[[f64; D]],
+    ) -> [f64; D] {
+        let gap = Self::apart(place, &place.frame, &self.mesh.nodes);
+        let beside = place
+            .partners
+            .iter()
+            .filter_map(|(node, _)| around.get(node));
+        let nodes: BTreeSet<u32> = beside.flatten().copied().collect();
+        if nodes.is_empty() || gap == [0.0; D] {
+            return [0.0; D];
+        }
+        let (rest, now): (Vec<_>, Vec<_>) = nodes
+            .into_iter()
+            .map(|node| {
+                let (x, u) = (self.mesh.nodes[node as usize], u[node as usize]);
+                (x, from_fn(|c| x[c] + u[c]))
+            })
+            .unzip();
+        let shares: Vec<(u32, f64)> = (0..rest.len() as u32).map(|k| (k, 1.0)).collect();
+        minus(Carried::of(&shares, &rest, &now, &[]).turn.of(gap), gap)
+    }
+
     /// Whether forces go to other places, or turn with the line of a spring, which the tangent does not know.
     pub(crate) fn redirects_forces(&self) -> bool {
         // Turns of couplings do not count: acceleration takes them too far, and each of them is nearly a Newton step.
@@ -315,6 +344,13 @@ where
             }
             let begin = self.candidates.partition_point(|place| place.1 < pair);
             let connected = self.connected(pair, moved, now_of, moments[1])?;
+            let around = (self.pairs[pair as usize].kind == EntityKind::Tie).then(|| {
+                let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
+                for nodes in self.pairs[pair as usize].others.iter().map(facet_nodes) {
+                    (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
+                }
+                around
+            });
             for (k, was) in now_of.iter().enumerate() {
                 let mut acts = pair_acts;
                 let rest = &self.candidates[begin + k].0;
@@ -359,9 +395,12 @@ where
                         Some(connected) => touch.slip = connected.moved,
                         None => {
                             let along = |u: &[[f64; D]]| -> [f64; D] {
+                                let turn = (around.as_ref())
+                                    .map_or([0.0; D], |around| self.turn_of_gap(rest, around, u));
                                 from_fn(|a| {
                                     let terms = rest.terms(a);
-                                    terms.map(|(node, way)| dot(way, u[node as usize])).sum()
+                                    let sum = terms.map(|(node, way)| dot(way, u[node as usize]));
+                                    sum.sum::<f64>() - dot(rest.frame[a], turn)
                                 })
                             };
                             let [so_far, then] =
@@ -381,6 +420,10 @@ where
                 touch.idle = !acts;
                 met.from.push(Some(first_now + k));
                 met.touches.push(touch);
+            }
+            if self.pairs[pair as usize].obstacle.is_some() {
+                let begin = met.touches.len() - now_of.len();
+                self.measure(moved, pair, &mut met.touches[begin..]);
             }
         }
         for touch in &mut met.touches {
@@ -473,6 +516,33 @@ where
         Ok(())
     }
 
+    /// Gives the places of a contact with an obstacle the areas of the displaced boundary, as those of contacts between bodies have.
+    fn measure(&self, moved: &Mesh<D>, pair: u32, touches: &mut [Touch<D>]) {
+        let body = Body {
+            mesh: moved,
+            ..self.body()
+        };
+        let facets = &self.pairs[pair as usize].facets;
+        let nodes: Vec<u32> = touches.iter().map(|touch| touch.place.own[0].0).collect();
+        let areas = match self.definition.pairs[pair as usize].is_by_nodes() {
+            true => {
+                let ways: Vec<_> = touches.iter().map(|touch| Some(touch.normal())).collect();
+                areas(&body, &nodes, facets, &ways, false)
+            }
+            false => {
+                let all = shares(&body, facets);
+                nodes.iter().map(|&node| all[node as usize]).collect()
+            }
+        };
+        // An element that is pressed flat has no facets that count.
+        let areas = touches.iter_mut().zip(areas).filter(|at| at.1 > 0.0);
+        for (touch, area) in areas {
+            let wider = area / touch.place.area;
+            touch.place.area = area;
+            touch.place.compliance = touch.place.compliance.map(|c| c / wider);
+        }
+    }
+
     /// Whether a boundary has come into the other body unseen. Where it is folded or has turned away, its facets do not
     /// meet the other side, and its nodes have no places. Nodes that are there at rest do not count.
     pub(crate) fn is_pierced(
@@ -481,8 +551,8 @@ where
         touches: &[Touch<D>],
         to: &Moment<D>,
     ) -> Result<bool, ModelError> {
-        /// In facets, which differ by less from the surfaces that they approximate; nodes that are deeper may be beyond a thin
-        /// body.
+        /// In facets, which differ by less from the surfaces that they approximate; nodes that are deeper below a facet may be beyond a
+        /// thin body.
         const DEPTH: [f64; 2] = [0.1, 1.0];
         let moved = self.moved(&now.displacement);
         let acting = self
@@ -550,6 +620,23 @@ where
             if !now.is_empty() && inside(&self.mesh, &now)?.len() < now.len() {
                 return Ok(true);
             }
+            // Farther inside of a body that has no boundary of its own here.
+            let body_of = |node: u32| self.sliding.body_of[node as usize];
+            let of = |facets: &[Facet<D>]| -> BTreeSet<u32> {
+                facets
+                    .iter()
+                    .map(|facet| body_of(facet_nodes(facet)[0]))
+                    .collect()
+            };
+            let (own, others) = (of(&data.facets), of(&data.others));
+            let is_other = |node| others.contains(&body_of(node)) && !own.contains(&body_of(node));
+            let inside = |mesh: &Mesh<D>, nodes: &[u32]| {
+                enclosed(mesh, nodes, is_other, DEPTH[1] * stated.longest)
+            };
+            let now = inside(&moved, &nodes);
+            if !now.is_empty() && inside(&self.mesh, &now).len() < now.len() {
+                return Ok(true);
+            }
         }
         Ok(false)
     }
@@ -581,8 +668,12 @@ where
         let earlier = [now, before].map(Earlier::new);
         let stated = &self.sliding.stated[&pair];
         let within = 0.5 * stated.facet;
+        // Pools of no other contact.
+        let of_rest = self.candidates.iter().map(|place| place.0.pool + 1);
+        let pools = of_rest.max().unwrap_or(0) + met.touches.len() as u32;
         let mut touches: Vec<Touch<D>> = (places.into_iter())
             .map(|mut place| {
+                place.pool += pools;
                 place.gap += stated.beyond(&place, to.grown);
                 let mut touch = self.touch(place, pair, &moved.nodes);
                 touch.distance = touch.place.gap;
