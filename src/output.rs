@@ -12,6 +12,7 @@ pub mod plots;
 mod reactions;
 pub(crate) mod report;
 mod results;
+pub(crate) mod rubbing;
 mod sectors;
 pub(crate) mod vtu;
 

@@ -338,6 +338,25 @@ def test_load_steps() -> None:
     assert solution.steps[1].contacts["bottom"].slipping_work > 0
 
 
+@pytest.mark.parametrize("large", [False, True])
+def test_sliding_distance_and_work(large: bool, tmp_path: Path) -> None:
+    """A stiff block is pushed by 0.01 and back by twice as much, against a friction of 0.2 times 1000 Pa."""
+    model = signorini.Model(signorini.rectangle([2, 1], [8, 4])).material(young=1e11, poisson=0)
+    model.support("top", x=0.01, factors=[0, 1, -1]).traction("top", pressure=1000)
+    model.contact("bottom", obstacle=FLOOR, friction={"coulomb": 0.2})
+    if large:
+        model.analysis(geometry="large")
+    model.steps([1, 1, 1]).solve().write(tmp_path)
+    for step, distance in ((2, 0.01), (3, 0.03)):
+        grid = meshio.read(tmp_path / f"solution-{step:03}.vtu")
+        below = np.isclose(grid.points[:, 1], 0)
+        np.testing.assert_allclose(grid.point_data["sliding_distance"][below], distance, rtol=1e-4)
+        # The push is a couple with friction: on average.
+        work = grid.point_data["friction_work"][below].ravel()[np.argsort(grid.points[below, 0])]
+        np.testing.assert_allclose(np.trapezoid(work, dx=0.25) / 2, 200 * distance, rtol=1e-3)
+        assert not grid.point_data["sliding_distance"][~below].any()
+
+
 def test_friction_of_a_model_may_change() -> None:
     problem = block(friction={"coulomb": 0.1}).traction("top", pressure=2e7, x=1e6).build()
     assert problem.contacts == ["bottom"] and "m = 12" in repr(problem)

@@ -9,6 +9,7 @@ use crate::mesh::{ElementKind, Topology};
 use crate::model::StepData;
 use crate::output::files::{write, write_index, write_pieces, write_report, write_vectors};
 use crate::output::report::Balance;
+use crate::output::rubbing::Rubbing;
 use crate::output::{
     ContactFields, EnginePath, OfBodies, OutputError, Report, StepFields, peak_memory_mib, prepare,
     vtu,
@@ -73,6 +74,7 @@ where
     begin: Instant,
     /// The future `report.json`; on rank 0.
     pub report: Report,
+    rubbing: Rubbing,
     files: Vec<PathBuf>,
 }
 
@@ -117,6 +119,7 @@ where
             directory: directory.to_owned(),
             begin: Instant::now(),
             files: Vec::new(),
+            rubbing: Rubbing::default(),
             report,
             bodies,
             group,
@@ -143,7 +146,8 @@ where
         let sets = solution.sets.sizes_in(&problem);
         match (self.bodies.clone(), solved.data) {
             (Some(bodies), Some(data)) => {
-                let of = self.fields(&bodies, data, solution)?;
+                let mut of = self.fields(&bodies, data, solution)?;
+                self.rubbing.add(&mut of, solution);
                 let apart = self.apart(&bodies, &of);
                 let balance = self.balance(&of, solution);
                 if self.group.rank() == 0 {

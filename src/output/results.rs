@@ -5,6 +5,7 @@ use super::files::{prepare, write_fields, write_index, write_report, write_vecto
 pub use super::plots::Draw;
 #[cfg(feature = "plots")]
 use super::plots::{Picture, pictures, write_pictures};
+use super::rubbing::Rubbing;
 use super::{ContactFields, EnginePath, OutputError, Report, StepFields};
 use crate::contact::Space;
 use crate::dual::DualOperator as _;
@@ -145,6 +146,7 @@ where
     /// The future `report.json`.
     pub report: Report,
     files: Vec<PathBuf>,
+    rubbing: Rubbing,
     /// None: not asked for.
     #[cfg(feature = "plots")]
     pictures: Option<Vec<Picture>>,
@@ -172,6 +174,7 @@ where
             directory: directory.to_owned(),
             begin: Instant::now(),
             files: Vec::new(),
+            rubbing: Rubbing::default(),
             #[cfg(feature = "plots")]
             pictures: None,
         })
@@ -194,7 +197,10 @@ where
     /// If a file cannot be written.
     pub fn add(&mut self, solved: &Solved<D>) -> Result<(), OutputError> {
         let start = Instant::now();
-        let results = StepResults::new(self.analysis, solved);
+        let mut results = StepResults::new(self.analysis, solved);
+        if let Some(of) = &mut results.of_bodies {
+            self.rubbing.add(of, results.solution);
+        }
         self.report.add_step(&results);
         let n_cycles = self.analysis.n_cycles();
         let several = self.analysis.n_steps() * n_cycles > 1;

@@ -254,6 +254,14 @@ where
             at_nodes.vectors("tangential_traction", &tangential);
             at_nodes.vectors("contact_traction", &whole);
         }
+        for (k, name) in ["sliding_distance", "friction_work"]
+            .into_iter()
+            .enumerate()
+        {
+            if !fields.rubbed.is_empty() {
+                at_nodes.floats(name, fields.rubbed.len(), |i| [fields.rubbed[i][k]]);
+            }
+        }
         if !contact.worn.is_empty() {
             at_nodes.scalars("wear", &scattered(&contact.worn));
         }
