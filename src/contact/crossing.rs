@@ -61,30 +61,26 @@ where
     simplices.collect()
 }
 
-/// Those of some nodes that are inside of other bodies, farther than a distance from the outside of these: the way out of a body crosses its
-/// outside an odd number of times.
+/// The nodes that lie inside a body with this surface, deeper than a distance. A ray from such a node crosses the surface an odd number of
+/// times.
 pub(crate) fn enclosed<const D: usize>(
     mesh: &Mesh<D>,
     nodes: &[u32],
-    is_of_bodies: impl Fn(u32) -> bool,
+    surface: &[Facet<D>],
     deeper: f64,
 ) -> Vec<u32>
 where
     ElementKind: Topology<D>,
 {
-    let theirs: Vec<u32> = (0..mesh.nodes.len() as u32)
-        .filter(|&node| is_of_bodies(node))
-        .collect();
     let at = |node: &u32| mesh.nodes[*node as usize];
-    let (low, high) = bounds(theirs.iter().map(at));
+    let (low, high) = bounds(surface.iter().flat_map(facet_nodes).map(at));
     let is_near = |node: &&u32| (0..D).all(|c| (low[c]..=high[c]).contains(&at(node)[c]));
     let near: Vec<u32> = nodes.iter().filter(is_near).copied().collect();
     if near.is_empty() {
         return near;
     }
-    let skin = mesh.outer_facets_at(&theirs, true);
-    let search = Search::new(mesh, &skin);
-    // In no direction in which meshes have edges.
+    let search = Search::new(mesh, surface);
+    // Oblique, so that the ray misses the edges of most meshes.
     let axes = frame(unit(from_fn(|c| [0.642, 0.581, 0.501][c])));
     let far = 2.0 * length(minus(high, low));
     let crosses_out = |x: [f64; D]| {
@@ -97,7 +93,7 @@ where
         });
         crossed.count() % 2 == 1
     };
-    let is_deep = |x| depth_within(mesh, &search, &skin, x, deeper, |_| true).is_none();
+    let is_deep = |x| depth_within(mesh, &search, surface, x, deeper, |_| true).is_none();
     let inside = |node: &u32| is_deep(at(node)) && crosses_out(at(node));
     near.into_par_iter().filter(inside).collect()
 }

@@ -14,6 +14,7 @@ use crate::elasticity::Body;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_nodes, facet_parts};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// The opposite side of nodes.
 #[derive(Clone, Copy)]
@@ -82,9 +83,23 @@ where
         }
         Met::Obstacle(_) => None,
     };
+    // The facets around each node, where one of them may be across a wall of the other side.
+    let mut numbers: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (number, facet) in around.iter().enumerate().take(options.walls.len()) {
+        for &node in facet_nodes(facet) {
+            numbers.entry(node).or_default().push(number);
+        }
+    }
     let found: Vec<Option<Opposite<D>>> = nodes
         .par_iter()
         .map(|&node| {
+            let own = numbers.get(&node).map_or(&[][..], Vec::as_slice);
+            let counts = |other: usize| {
+                let across = |&own: &usize| {
+                    options.walls[own].is_between(&options.walls[around.len() + other])
+                };
+                !own.iter().any(across)
+            };
             let x = mesh.nodes[node as usize];
             match met {
                 Met::Obstacle(obstacle) => {
@@ -93,7 +108,7 @@ where
                 }
                 Met::Facets(_) => {
                     let (search, facets) = search.as_ref()?;
-                    let near = nearest(mesh, search, facets, x, within)?;
+                    let near = nearest(mesh, search, facets, x, within, counts)?;
                     let distance = dot(minus(x, near.point), near.normal);
                     Some((near.weights, near.normal.map(|v| -v), distance))
                 }
@@ -108,6 +123,7 @@ where
     let areas = areas(body, nodes, around, &ways, is_tie);
     let mut places = Vec::new();
     for ((&node, area), found) in nodes.iter().zip(areas).zip(found) {
+        let area = if area > 0.0 { area } else { 1.0 };
         let Some((partners, normal, distance)) = found else {
             continue;
         };
@@ -171,7 +187,8 @@ where
     Ok(places)
 }
 
-/// The share that each node has of the facets around it that look at the other side, in its way; those of a tie may look away from it.
+/// The share that each node has of the facets around it that look at the other side, in its way; those of a tie may look away from it. 0
+/// without such facets.
 pub(crate) fn areas<const D: usize>(
     body: &Body<D>,
     nodes: &[u32],
@@ -198,9 +215,7 @@ where
     });
     let facing: Vec<Facet<D>> = facing.copied().collect();
     let shares = shares(body, &facing);
-    let all = nodes.iter().map(|&node| shares[node as usize]);
-    all.map(|area| if area > 0.0 { area } else { 1.0 })
-        .collect()
+    nodes.iter().map(|&node| shares[node as usize]).collect()
 }
 
 /// The share that each node of the mesh has of the area of facets.
@@ -221,11 +236,12 @@ fn nearest<const D: usize>(
     facets: &[Facet<D>],
     x: [f64; D],
     within: f64,
+    counts: impl Fn(usize) -> bool,
 ) -> Option<Nearest<D>>
 where
     ElementKind: Topology<D>,
 {
-    let (size, near) = nearest_of(mesh, search, facets, x, within, |_| true)?;
+    let (size, near) = nearest_of(mesh, search, facets, x, within, counts)?;
     let offset = minus(x, near.point);
     let along = dot(offset, near.normal);
     let beyond = length(std::array::from_fn::<_, D, _>(|c| {
@@ -242,7 +258,7 @@ pub(super) fn depth_within<const D: usize>(
     facets: &[Facet<D>],
     x: [f64; D],
     within: f64,
-    counts: impl Fn(&Facet<D>) -> bool,
+    counts: impl Fn(usize) -> bool,
 ) -> Option<(f64, [f64; D])>
 where
     ElementKind: Topology<D>,
@@ -265,7 +281,7 @@ fn nearest_of<const D: usize>(
     facets: &[Facet<D>],
     x: [f64; D],
     within: f64,
-    counts: impl Fn(&Facet<D>) -> bool,
+    counts: impl Fn(usize) -> bool,
 ) -> Option<(f64, Nearest<D>)>
 where
     ElementKind: Topology<D>,
@@ -273,8 +289,8 @@ where
     let axes = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
     let beam = Beam::around(axes, [x], [within; D]);
     let mut best: Option<(f64, f64, Nearest<D>)> = None;
-    let near = search.near(beam).map(|(number, _)| &facets[number]);
-    for facet in near.filter(|facet| counts(facet)) {
+    let near = search.near(beam).filter(|(number, _)| counts(*number));
+    for facet in near.map(|(number, _)| &facets[number]) {
         let (area, normal) = mesh.facet_normal(facet);
         let size = if D == 2 { area } else { area.sqrt() };
         for part in facet_parts(facet) {

@@ -181,6 +181,18 @@ impl<'a> Said<'a> {
             "TRANSFORM" => self.transform(card)?,
             "STEP" => self.step(card),
             "STATIC" => {
+                // Increments, solvers and damping leave the equilibrium at the end as it is.
+                self.only(
+                    k,
+                    &[
+                        "DIRECT",
+                        "SOLVER",
+                        "STABILIZE",
+                        "ALLSDTOL",
+                        "CONTINUE",
+                        "FACTOR",
+                    ],
+                );
                 let period = match first {
                     Some((line, text)) => numbers(line, text)?.get(1).copied(),
                     None => None,
@@ -193,6 +205,7 @@ impl<'a> Said<'a> {
             "BOUNDARY" | "CLOAD" | "DLOAD" | "DSLOAD" | "TEMPERATURE" => self.loads(card)?,
             "INITIAL CONDITIONS" => self.initial(card)?,
             "SURFACE INTERACTION" => {
+                self.only(k, &["NAME"]);
                 self.interaction = Some(self.interactions.len());
                 let name = k.option("NAME").map(key).unwrap_or_default();
                 self.interactions.push(Interaction {
@@ -242,6 +255,9 @@ impl<'a> Said<'a> {
                     surfaces,
                     value,
                 });
+            }
+            "NSET" if k.option("UNSORTED").is_some() => {
+                self.unsorted.extend(k.option("NSET").map(key));
             }
             name if PASSED_OVER.contains(&name) => {
                 // Keywords of the mesh need no note.
@@ -415,10 +431,17 @@ impl<'a> Said<'a> {
     /// The law of pressures and overlaps that a card states; None where it is refused.
     fn stated_behavior(&mut self, card: &Card<'a>) -> Result<Option<Behavior>> {
         let k = &card.keyword;
+        // Ways to enforce hard contact, which is enforced exactly here.
+        let ways = ["PENALTY", "AUGMENTED LAGRANGE", "DIRECT"];
+        self.only(k, &[&["PRESSURE-OVERCLOSURE"], &ways[..]].concat());
         let kind = k
             .option("PRESSURE-OVERCLOSURE")
             .map(key)
             .unwrap_or_else(|| "HARD".to_owned());
+        if k.option("PENALTY").is_some() && !card.data.is_empty() {
+            let text = "*SURFACE BEHAVIOR, PENALTY with a stiffness: state PRESSURE-OVERCLOSURE=LINEAR, or leave its line out for hard contact";
+            self.refuse(k.line, "PENALTY", text);
+        }
         let numbers = match card.data.first() {
             Some(&(line, text)) => numbers(line, text)?,
             None => Vec::new(),
@@ -529,6 +552,10 @@ impl<'a> Said<'a> {
             ));
         };
         self.only(k, &["ELASTIC SLIP", "SLIP TOLERANCE"]);
+        if card.data.len() > 1 {
+            let text = "*FRICTION: the coefficient cannot depend on slip rate, pressure or temperature: state one line";
+            self.refuse(k.line, "FRICTION", text);
+        }
         let changes = std::mem::take(&mut self.changes_friction);
         let Some(&(line, text)) = card.data.first() else {
             return Ok(());
@@ -703,6 +730,12 @@ impl<'a> Said<'a> {
                             "*EQUATION needs a node or set, a direction and a factor for each term";
                         return Err((line, text.to_owned()));
                     };
+                    if self.unsorted.contains(&key(target)) {
+                        let text = format!(
+                            "*EQUATION: the order of the set \"{target}\" counts, as it is UNSORTED: write the equations node by node"
+                        );
+                        self.refuse(line, "UNSORTED", text);
+                    }
                     terms.push((target, component(line, direction)?, value(line, factor)?));
                 }
             }

@@ -16,9 +16,13 @@ impl<'a> Times<'a> {
         let mut ends = Vec::new();
         let mut before = 0.0;
         for (number, step) in said.steps.iter().enumerate() {
+            // Amplitudes in total time go on in later steps.
             let used = (said.loads.iter())
-                .filter(|load| load.step.unwrap_or(0) == number)
-                .filter_map(|load| load.amplitude);
+                .filter_map(|load| Some((load.step.unwrap_or(0), load.amplitude?)))
+                .filter(|&(of, amplitude)| {
+                    of == number || of < number && said.amplitudes[amplitude].total
+                })
+                .map(|(_, amplitude)| amplitude);
             let mut times = vec![step.period];
             for amplitude in used.map(|number| &said.amplitudes[number]) {
                 let shift = if amplitude.total { before } else { 0.0 };
@@ -104,6 +108,30 @@ impl Track {
         ]
     }
 
+    /// The change since the beginning of a step that does not state it, of amplitudes in total time.
+    fn goes_on(&self, times: &Times, step: usize, time: f64) -> f64 {
+        let earlier = self
+            .settings
+            .iter()
+            .filter(|setting| setting.by.step < step);
+        let Some(last) = earlier.clone().next_back() else {
+            return 0.0;
+        };
+        let here = earlier.filter(|one| match last.adds {
+            true => one.by.step == last.by.step,
+            false => std::ptr::eq(*one, last),
+        });
+        let begin = times.begin(step);
+        let change = |setting: &Setting| match (setting.to, setting.by.amplitude) {
+            (To::Value(value), Some(number)) if times.said.amplitudes[number].total => {
+                let amplitude = &times.said.amplitudes[number];
+                value * (amplitude.at(begin + time) - amplitude.at(begin))
+            }
+            _ => 0.0,
+        };
+        here.map(change).sum()
+    }
+
     /// Its value at the end of each load step, if it has been `start` before the first.
     pub fn values(&self, times: &Times, start: f64) -> Vec<f64> {
         // At the end of the step before.
@@ -117,7 +145,8 @@ impl Track {
                 .filter(|setting| setting.by.step == step);
             let last = here.clone().next_back();
             let value = match last {
-                None | Some(Setting { to: To::Fixed, .. }) => before,
+                None => before + self.goes_on(times, step, time),
+                Some(Setting { to: To::Fixed, .. }) => before,
                 Some(last) => {
                     let (mut ramped, mut swung) = (None, 0.0);
                     for setting in here.filter(|one| last.adds || std::ptr::eq(*one, last)) {

@@ -389,6 +389,10 @@ pub(super) struct Said<'a> {
     pub sections: Vec<Section<'a>>,
     pub amplitudes: Vec<Amplitude>,
     pub steps: Vec<StepCard>,
+    /// The kinds of loads with cards in each step; None before the first.
+    pub load_cards: BTreeSet<(Option<usize>, Kind)>,
+    /// The sets of nodes that keep the order in which they are listed.
+    pub unsorted: Vec<String>,
     /// The line of the first step with large displacements.
     pub large: Option<usize>,
     pub loads: Vec<Load<'a>>,

@@ -44,6 +44,8 @@ where
     pub walls: Vec<Wall<D>>,
     /// Of a boundary that meets itself, the exclusions of each facet; empty where there are none.
     pub excluded: Vec<Vec<Excluded>>,
+    /// Whether its boundary meets itself.
+    pub(super) itself: bool,
     /// The master boundary, or the kind of obstacle.
     pub against: String,
     /// The obstacle, if the other side is not a boundary.
@@ -104,6 +106,7 @@ where
             facets: Vec::new(),
             others: Vec::new(),
             walls: Vec::new(),
+            itself: false,
             excluded: Vec::new(),
             against,
             obstacle: None,
@@ -142,7 +145,7 @@ where
 
     /// Whether its boundary meets itself.
     pub(super) fn meets_itself(&self) -> bool {
-        self.walls.len() == self.facets.len() && !self.walls.is_empty()
+        self.itself
     }
 
     /// Whether two bodies meet that are not tied.
@@ -263,15 +266,33 @@ pub(super) type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
 /// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sliding<const D: usize> {
+pub(super) struct Sliding<const D: usize>
+where
+    ElementKind: Topology<D>,
+{
     /// The planes of symmetry of nodes.
     symmetry: Directions<D>,
     /// The directions along which nodes are held.
     pub(super) held: Directions<D>,
     /// The body of each node.
     pub(super) body_of: Vec<u32>,
+    /// The surfaces of the bodies, where displacements are large.
+    pub(super) surfaces: Vec<Vec<Facet<D>>>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
+}
+
+/// The surface of each body.
+fn surfaces<const D: usize>(mesh: &Mesh<D>, count: usize, body_of: &[u32]) -> Vec<Vec<Facet<D>>>
+where
+    ElementKind: Topology<D>,
+{
+    let nodes: Vec<u32> = (0..mesh.nodes.len() as u32).collect();
+    let mut surfaces = vec![Vec::new(); count];
+    for facet in mesh.outer_facets_at(&nodes, true) {
+        surfaces[body_of[facet_nodes(&facet)[0] as usize] as usize].push(facet);
+    }
+    surfaces
 }
 
 /// Whether two boundaries have facets of one body.
@@ -471,6 +492,7 @@ where
             facets,
             others,
             walls: behind,
+            itself: self.is_with_itself(),
             excluded,
             obstacle: match self.meets() {
                 Against::Obstacle(obstacle) => Some(*obstacle),
@@ -664,10 +686,15 @@ where
         unknowns: &Unknowns<D>,
     ) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
+        let (count, body_of) = body.mesh.bodies();
         let sliding = Sliding {
             symmetry: self.symmetry_planes(body.mesh)?,
             held: self.held_directions(body.mesh, unknowns)?,
-            body_of: body.mesh.bodies().1,
+            surfaces: match self.is_large() {
+                true => surfaces(body.mesh, count, &body_of),
+                false => Vec::new(),
+            },
+            body_of,
             stated: HashMap::new(),
         };
         let (mut places_of_all, mut pair_of, mut data_of_all) =

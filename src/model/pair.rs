@@ -246,14 +246,14 @@ impl<const D: usize> Pair<D> {
 
     /// The gap that is stated as a function of the place at rest, below 0 as an interference, and the key that states it.
     pub(super) fn stated_gap(&self) -> Option<(&'static str, impl Fn([f64; D]) -> f64 + '_)> {
-        let (key, value) = match (&self.gap, &self.interference) {
-            (Some(gap), _) => ("gap", gap),
-            (None, Some(interference)) => ("interference", interference),
+        let key = match (&self.gap, &self.interference) {
+            (Some(_), _) => "gap",
+            (None, Some(_)) => "interference",
             (None, None) => return None,
         };
-        let at = move |x| match key {
-            "gap" => value.at_most(x, UNREACHABLE),
-            _ => -value.at(x),
+        let at = |x| match (&self.gap, &self.interference) {
+            (Some(gap), _) => gap.at_most(x, UNREACHABLE),
+            (None, interference) => -interference.as_ref().map_or(0.0, |value| value.at(x)),
         };
         Some((key, at))
     }

@@ -18,7 +18,7 @@ pub(super) struct Stated {
     pub(super) facet: f64,
     /// The same of either boundary.
     pub(super) longest: f64,
-    /// At nodes of the smooth parts of the boundary that has the multipliers, without the offset; none where they are equal.
+    /// At nodes of the smooth parts of the boundary that has the multipliers, without the offset; empty where they are equal.
     beyond: HashMap<(u32, u32), f64>,
     /// What is added everywhere.
     offset: f64,
@@ -55,12 +55,10 @@ where
             let drawn = pair
                 .meet_moved(body, data, body.mesh, &found.sliding, &[])
                 .map_err(failed)?;
-            let here = found.pair_of.iter().zip(&found.places);
-            let here = here.filter(|(of, _)| **of as usize == number);
-            let both: Vec<_> = here
-                .zip(&drawn)
-                .map(|((_, place), drawn)| [place, drawn])
-                .collect();
+            let [begin, end] = [number, number + 1]
+                .map(|number| found.pair_of.partition_point(|&of| (of as usize) < number));
+            let both = found.places[begin..end].iter().zip(&drawn);
+            let both: Vec<_> = both.map(|(place, drawn)| [place, drawn]).collect();
             if both.is_empty()
                 && let Some((key, _)) = pair.stated_gap()
             {
@@ -124,11 +122,15 @@ where
     if stated.is_none() && places.iter().all(|at| at.value == 0.0) {
         return Ok(of_nodes);
     }
-    let mut trees: HashMap<u32, RTree<_>> = HashMap::new();
+    let mut of_parts: HashMap<u32, Vec<_>> = HashMap::new();
     for (number, at) in places.iter().enumerate() {
-        let tree = trees.entry(at.place.part).or_default();
-        tree.insert(GeomWithData::new(at.place.place, number));
+        let of_part = of_parts.entry(at.place.part).or_default();
+        of_part.push(GeomWithData::new(at.place.place, number));
     }
+    let trees = of_parts
+        .into_iter()
+        .map(|(part, all)| (part, RTree::bulk_load(all)));
+    let trees: HashMap<u32, _> = trees.collect();
     let taken = places.iter().map(|at| match stated {
         Some(_) => -at.drawn,
         None => at.value,

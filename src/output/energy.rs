@@ -11,33 +11,42 @@ use serde::Serialize;
 ///
 /// Work is that of the mean of the forces at the beginning and at the end of the step (trapezoidal rule). Where displacements are
 /// small, the strain energy has changed by the sum of all work. Where they are large, the difference is of third order in the length
-/// of the step.
+/// of the step. Friction that begins or turns round within a step does half of its work or none by this rule: its dissipation is
+/// [`ContactReport::slipping_work`](super::ContactReport::slipping_work).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// The strain energy of the bodies at the end of the step.
     pub strain: f64,
-    /// The work of the loads on the bodies in the step.
+    /// The work of the loads on the bodies in the step, also of those on points of couplings.
     pub loads: f64,
     /// The work of supports and foundations.
     pub supports: f64,
     /// The work of contacts, ties, springs and all other joints: below 0 where friction dissipates or springs store, above 0 where
-    /// obstacles push, interferences are pressed apart or bolts are tightened.
+    /// obstacles or stated motions of joints push, interferences are pressed apart or bolts are tightened.
     pub contacts: f64,
 }
 
 impl EnergyReport {
-    /// Of several parts of the bodies together.
-    #[cfg(feature = "mpi")]
-    pub(crate) fn combined(self, sum: impl FnOnce(&mut [f64])) -> Self {
-        let mut all = [self.strain, self.loads, self.supports, self.contacts];
-        sum(&mut all);
-        let [strain, loads, supports, contacts] = all;
+    fn of([strain, loads, supports, contacts]: [f64; 4]) -> Self {
         Self {
             strain,
             loads,
             supports,
             contacts,
         }
+    }
+
+    /// In the order of its fields.
+    pub fn all(&self) -> [f64; 4] {
+        [self.strain, self.loads, self.supports, self.contacts]
+    }
+
+    /// The sum over ranks.
+    #[cfg(feature = "mpi")]
+    pub(crate) fn combined(self, sum: impl FnOnce(&mut [f64])) -> Self {
+        let mut all = self.all();
+        sum(&mut all);
+        Self::of(all)
     }
 }
 
@@ -102,10 +111,5 @@ where
         }
     };
     *before = now;
-    Some(EnergyReport {
-        strain,
-        loads,
-        supports,
-        contacts,
-    })
+    Some(EnergyReport::of([strain, loads, supports, contacts]))
 }

@@ -2,6 +2,7 @@
 
 use super::{NodeStatus, OfBodies, shown_at_nodes};
 use crate::mesh::{ElementKind, Topology};
+use crate::model::EntityKind;
 use crate::quasistatic::StepSolution;
 use crate::rigid::length;
 
@@ -10,18 +11,21 @@ use crate::rigid::length;
 pub(crate) struct Rubbing(Vec<[f64; 2]>);
 
 impl Rubbing {
-    /// Adds a step, in which a node slides as the place that it shows, if that is in contact, and gives the fields of the step the sums.
-    /// Nothing where there is no friction.
+    /// Adds a step and gives its fields the sums, unless there has been no friction so far. In each contact a node slides as the place
+    /// that it shows does, if that is in contact at the end of the step.
     pub fn add<const D: usize>(&mut self, of: &mut OfBodies<D>, solution: &StepSolution<D>)
     where
         ElementKind: Topology<D>,
     {
         let contact = &of.contact;
-        if !contact.any_friction {
+        if !contact.any_friction && self.0.is_empty() {
             return;
         }
         self.0.resize(of.elastic.mesh.nodes.len(), [0.0; 2]);
-        for (node, i) in shown_at_nodes(of.elastic, contact, None) {
+        let pairs = of.elastic.pairs.iter().enumerate();
+        let contacts = pairs.filter(|(_, pair)| pair.kind == EntityKind::Contact);
+        let shown = contacts.flat_map(|(pair, _)| shown_at_nodes(of.elastic, contact, Some(pair)));
+        for (node, i) in shown {
             if matches!(contact.status[i], NodeStatus::Stick | NodeStatus::Slip) {
                 let along = (D - 1) * i..(D - 1) * (i + 1);
                 let (slip, traction) = (&solution.slip[along.clone()], &contact.traction[along]);

@@ -343,9 +343,7 @@ impl<B: Backend> Pcg<B> {
         coordinates: Option<&[[f64; D]]>,
         vertices: Option<&Vertices<D>>,
     ) -> Result<(), PcgError> {
-        self.preconditioner.clear();
-        self.take(k)?;
-        self.renew(flat(coordinates), |backend, preconditioner| {
+        self.replace(k, flat(coordinates), |backend, preconditioner| {
             preconditioner.rebuild::<D, PcgError>(backend, k, coordinates, vertices)
         })
     }
@@ -368,9 +366,19 @@ impl<B: Backend> Pcg<B> {
                 failed => return failed,
             }
         }
+        self.replace(k, flat(coordinates), renewal)
+    }
+
+    /// Takes another K and makes its preconditioner: two hierarchies may not fit.
+    fn replace<const D: usize>(
+        &mut self,
+        k: &Arc<BlockCsr<D>>,
+        points: Vec<f64>,
+        renewal: impl FnOnce(&mut B, &mut Multigrid<B>) -> Result<(), PcgError>,
+    ) -> Result<(), PcgError> {
         self.preconditioner.clear();
         self.take(k)?;
-        self.renew(flat(coordinates), renewal)
+        self.renew(points, renewal)
     }
 
     /// Takes another K and turns the preconditioner.

@@ -1466,6 +1466,146 @@ fn unsupported_entries_are_reported_at_once() {
     }
 }
 
+/// The first of several cards of a kind in a step says whether those of earlier steps go: the others add to it.
+#[test]
+fn cards_of_a_step_go_together() {
+    for (one, two) in [
+        ("*CLOAD,OP=NEW\n5,1,5.\n", "*CLOAD,OP=NEW\n15,1,5.\n"),
+        ("*DLOAD,OP=NEW\n4,P2,-10.\n", "*DLOAD,OP=NEW\n4,P2,-10.\n"),
+        (
+            "*DSLOAD,OP=NEW\nSend,P,-10.\n",
+            "*DSLOAD,OP=NEW\nSend,P,-10.\n",
+        ),
+    ] {
+        // The load of the first step goes in the second one.
+        let first = "*CLOAD\nNright,1,100.\n*DLOAD\n4,P2,-7.\n*DSLOAD\nSend,P,-7.\n";
+        let keyword = &one[..one.find(',').expect("an option")];
+        let first: String = first
+            .split_inclusive('\n')
+            .collect::<Vec<_>>()
+            .chunks(2)
+            .filter(|card| card[0].trim_end() == keyword)
+            .flatten()
+            .copied()
+            .collect();
+        let steps = format!("{STATIC}{first}*END STEP\n{STATIC}{one}{two}*END STEP\n");
+        let u = displacements(&built(&read(&strip(&steps), &[], &[]).or_panic()));
+        assert!((u[1][4][0] - 0.4).abs() < 1e-9, "{keyword}: {:?}", u[1][4]);
+    }
+    // Supports: without the second card the bar would not be held.
+    let held = "*BOUNDARY,OP=NEW\nNleft,1\n*BOUNDARY,OP=NEW\n1,2\n*CLOAD\nNright,1,5.\n";
+    let deck = read(&strip(&format!("{STATIC}{held}*END STEP\n")), &[], &[]).or_panic();
+    let u = displacements(&built(&deck)).remove(0);
+    assert!((u[4][0] - 0.4).abs() < 1e-9, "{u:?}");
+}
+
+/// A volume load replaces that of an earlier step on the same elements, whatever these are called.
+#[test]
+fn loads_are_those_of_their_elements() {
+    let sets = "*ELSET,ELSET=Again,GENERATE\n1,4\n";
+    for again in ["EALL", "Again"] {
+        let load =
+            |set: &str, g: f64| format!("{STATIC}*DLOAD\n{set},GRAV,{g},1.,0.,0.\n*END STEP\n");
+        let text = strip(&format!("{sets}{}{}", load("Eall", 2.0), load(again, 4.0)));
+        let u = displacements(&built(&read(&text, &[], &[]).or_panic()));
+        assert!(
+            (u[1][4][0] - 2.0 * u[0][4][0]).abs() < 1e-9,
+            "{again}: {:?} {:?}",
+            u[0][4],
+            u[1][4]
+        );
+    }
+}
+
+/// Amplitudes in total time go on in steps that do not state their load or support again.
+#[test]
+fn total_time_goes_on() {
+    let amplitude = "*AMPLITUDE,NAME=ramp,TIME=TOTAL TIME\n0.,0.,2.,2.,3.,1.\n";
+    for (stated, end) in [
+        ("*CLOAD,AMPLITUDE=ramp\nNright,1,5.\n", 0.4),
+        ("*BOUNDARY,AMPLITUDE=ramp\nNright,1,1,0.3\n", 0.3),
+    ] {
+        let text = strip(&format!(
+            "{amplitude}{STATIC}{stated}*END STEP\n{STATIC}*END STEP\n{STATIC}*END STEP\n"
+        ));
+        let u = displacements(&built(&read(&text, &[], &[]).or_panic()));
+        for (u, factor) in u.iter().zip([1.0, 2.0, 1.0]) {
+            assert!(
+                (u[4][0] - factor * end).abs() < 1e-9,
+                "{stated}: {:?}",
+                u[4]
+            );
+        }
+    }
+}
+
+/// A set of nodes may be those of a set of elements.
+#[test]
+fn sets_of_nodes_may_be_those_of_elements() {
+    let text = strip(&format!(
+        "*ELSET,ELSET=Elast\n4\n*NSET,NSET=Nlast,ELSET=Elast\n{STATIC}*BOUNDARY\nNlast,1,1,0.3\n*END STEP\n"
+    ));
+    let u = displacements(&built(&read(&text, &[], &[]).or_panic())).remove(0);
+    for (u, expected) in u.iter().zip([0.0, 0.1, 0.2, 0.3, 0.3]) {
+        assert!((u[0] - expected).abs() < 1e-9, "{u:?}");
+    }
+}
+
+/// What a deck says and this program does not do is refused, with its line.
+#[test]
+fn options_that_change_the_answer_are_refused() {
+    let bar =
+        "*ELEMENT,TYPE=T2D2,ELSET=Ebar\n50,1,5\n*SOLID SECTION,ELSET=Ebar,MATERIAL=soft\n0.1\n";
+    let surfaces = "*SURFACE INTERACTION,NAME=I\n";
+    let end = format!("{STATIC}*END STEP\n");
+    for (rest, expected) in [
+        (format!("{bar}{end}"), "\"Ebar\" has no elements of bodies"),
+        (
+            format!("{surfaces}*SURFACE BEHAVIOR,NO SEPARATION\n{end}"),
+            "NO SEPARATION: this option is not understood",
+        ),
+        (
+            format!("{surfaces}*SURFACE BEHAVIOR,PENALTY\n100.\n{end}"),
+            "PENALTY with a stiffness",
+        ),
+        (
+            format!("*SURFACE INTERACTION,NAME=I,USER\n{end}"),
+            "USER: this option is not understood",
+        ),
+        (
+            format!("{surfaces}*FRICTION\n0.3,,0.\n0.1,,5.\n{end}"),
+            "the coefficient cannot depend on",
+        ),
+        (
+            "*STEP\n*STATIC,RIKS\n*END STEP\n".to_owned(),
+            "RIKS: this option is not understood",
+        ),
+        (
+            "*STEP\n*STATIC,TIME RESET\n*END STEP\n".to_owned(),
+            "TIME RESET: this option is not understood",
+        ),
+        (
+            format!(
+                "*NSET,NSET=One,UNSORTED\n5\n*NSET,NSET=Two,UNSORTED\n15\n*EQUATION\n2\nOne,1,1.,Two,1,-1.\n{end}"
+            ),
+            "as it is UNSORTED",
+        ),
+        (
+            format!(
+                "*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n50,5,99\n*SPRING,ELSET=Espring\n\n3.\n*BOUNDARY\n99,1,2\n*STEP,NLGEOM\n*STATIC\n*END STEP\n"
+            ),
+            "needs elements at both ends",
+        ),
+        (
+            format!("*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,4,5,15,15\n{end}"),
+            "element 50 has node 15 at several corners",
+        ),
+    ] {
+        let error = read(&strip(&rest), &[], &[]).expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
 /// An error about an entry of a deck names its line, as if the case had been written by hand.
 #[test]
 fn errors_of_the_case_name_lines_of_the_deck() {

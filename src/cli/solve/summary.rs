@@ -105,16 +105,18 @@ fn rounds(step: &StepReport, n_steps: usize) -> Option<String> {
 
 /// The number of contact nodes in each state.
 fn states(report: &Report) -> String {
-    let [separated, stick, slip, frictionless, tied] = match report.steps.last() {
+    let (m, [separated, stick, slip, frictionless, tied]) = match report.steps.last() {
         Some(step) if !step.contacts.is_empty() => {
             let sum = |of: fn(&ContactReport) -> usize| step.contacts.iter().map(of).sum::<usize>();
-            [
+            let all = [
                 sum(|c| c.separated),
                 sum(|c| c.stick),
                 sum(|c| c.slip),
                 sum(|c| c.frictionless),
                 sum(|c| c.tied),
-            ]
+            ];
+            // With large displacements, places are others in each step.
+            (all.iter().sum(), all)
         }
         // Without geometry only the sets are known: a separated multiplier sticks or slips as well.
         _ => {
@@ -125,10 +127,10 @@ fn states(report: &Report) -> String {
                 frictionless,
                 tied,
             } = report.sets;
-            [separated, stick, slip.total(), frictionless, tied]
+            let all = [separated, stick, slip.total(), frictionless, tied];
+            (report.m, all)
         }
     };
-    let m = report.m;
     let mut text = format!(
         "  {} of {m} nodes in contact, {separated} separated",
         m - separated

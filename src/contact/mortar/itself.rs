@@ -72,7 +72,7 @@ impl<const D: usize> Wall<D> {
     }
 
     /// Whether this facet and another one are the two sides of a wall.
-    pub(super) fn is_between(&self, other: &Self) -> bool {
+    pub(in super::super) fn is_between(&self, other: &Self) -> bool {
         self.ends_at(other) || other.ends_at(self)
     }
 }
@@ -327,23 +327,26 @@ where
                 let of = |body: u32, facet: &Facet<D>| body_of(facet_nodes(facet)) == body;
                 let most = WAY_OUT * depth;
                 let way_out = |x: [f64; D]| {
-                    depth_within(mesh, &self.search, all, x, depth, |facet| of(there, facet))
+                    depth_within(mesh, &self.search, all, x, depth, |number| {
+                        of(there, &all[number])
+                    })
                 };
                 // The other body leaves through this side, and its own the opposite way.
-                let is_short = |x: [f64; D]| {
-                    way_out(x).is_some_and(|(out, through)| {
-                        let faces = |facet: &Facet<D>| {
+                let is_short = |x: [f64; D], out: Option<(f64, [f64; D])>| {
+                    out.is_some_and(|(out, through)| {
+                        let faces = |number: usize| {
+                            let facet = &all[number];
                             of(here, facet) && dot(mesh.facet_normal(facet).1, through) < FACING
                         };
                         let back = || depth_within(mesh, &self.search, all, x, most, faces);
                         out < 0.0 || out < most && back().is_some_and(|to| out + to.0.abs() < most)
                     })
                 };
-                let is_outside = way_out(x).is_some_and(|(out, _)| out < 0.0);
+                let out = way_out(x);
+                let is_outside = out.is_some_and(|(out, _)| out < 0.0);
                 let halfway = std::array::from_fn(|c| x[c] - 0.5 * depth * slave.normal[c]);
-                let is_out = is_outside || is_short(x) && is_short(halfway);
-                if is_out {
-                    near[other].deepest = WAY_OUT * depth;
+                if is_outside || is_short(x, out) && is_short(halfway, way_out(halfway)) {
+                    near[other].deepest = most;
                     is_left_out = true;
                 }
             }

@@ -40,7 +40,9 @@ impl<'a> Said<'a> {
                 None => return Err((k.line, format!("there is no *AMPLITUDE \"{name}\""))),
             },
         };
-        if k.option("OP").is_some_and(|op| key(op) == "NEW") {
+        // Of several cards of a kind in a step the first one says whether those of earlier steps go.
+        let is_first = self.load_cards.insert((step, kind));
+        if is_first && k.option("OP").is_some_and(|op| key(op) == "NEW") {
             let what = What::Clear(kind);
             self.loads.push(Load {
                 line: k.line,

@@ -58,7 +58,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = "*CONTACT PAIR: the master surface must consist of element faces";
                 self.refuse(pair.line, "CONTACT PAIR", text);
             }
-            let wanted = [&slave.name, &master.name].map(|name| key(name));
+            let wanted = [pair.slave, pair.master].map(key);
             let mut clearances = self.said.clearances.iter();
             let clearance = clearances.find(|one| one.surfaces == wanted);
             // The stated gap, if any, and the nodes to move.

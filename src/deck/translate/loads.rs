@@ -18,9 +18,19 @@ impl<const D: usize> Translation<'_, '_, D> {
         let mut faces = Tracks::default();
         let mut surfaces = Tracks::default();
         let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
+        // The first name of the same elements, or of the same faces.
+        let mut bodies: BTreeMap<Vec<u32>, String> = BTreeMap::new();
         for load in &self.said.loads {
             let by = load.stated();
             let (line, step) = (by.line, by.step);
+            let mut body = |target: &str| -> Result<String> {
+                let mut elements = self.index.elements(line, target)?;
+                elements.sort_unstable();
+                Ok(bodies
+                    .entry(elements)
+                    .or_insert_with(|| target.to_owned())
+                    .clone())
+            };
             let bits = |kind: u64, a: [f64; 3], b: [f64; 3]| {
                 let [a, b] = [a, b].map(|v| v.map(f64::to_bits));
                 [kind, a[0], a[1], a[2], b[0], b[1], b[2]]
@@ -57,7 +67,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     size,
                     direction,
                 } => {
-                    let key = ((*target).to_owned(), bits(0, unit(*direction), [0.0; 3]));
+                    let key = (body(*target)?, bits(0, unit(*direction), [0.0; 3]));
                     volumes.load(key, target, *size, by);
                 }
                 What::Centrifugal {
@@ -66,7 +76,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     point,
                     direction,
                 } => {
-                    let key = ((*target).to_owned(), bits(1, *point, unit(*direction)));
+                    let key = (body(*target)?, bits(1, *point, unit(*direction)));
                     volumes.load(key, target, *square, by);
                 }
                 What::Volume {
@@ -76,7 +86,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 } => {
                     let mut along = [0.0; 3];
                     along[*axis] = 1.0;
-                    let key = ((*target).to_owned(), bits(2, along, [0.0; 3]));
+                    let key = (body(*target)?, bits(2, along, [0.0; 3]));
                     volumes.load(key, target, *value, by);
                 }
                 _ => {}

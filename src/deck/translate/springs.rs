@@ -70,6 +70,11 @@ impl<const D: usize> Translation<'_, '_, D> {
             self.refuse(line, "SPRING", text);
             return Ok(());
         }
+        if self.said.large.is_some() && card.component.is_none() && !bare.is_empty() {
+            let text = "*SPRING: with NLGEOM, a spring along its line needs elements at both ends: hold an element of a body where the ground is";
+            self.refuse(line, "SPRING", text);
+            return Ok(());
+        }
         let mut sets = Vec::new();
         for node in of_bodies {
             let name = match names.get(&node) {

@@ -290,10 +290,15 @@ impl<'a> Flat<'a> {
                     let all = labels.iter().filter(|label| inside(*label.0));
                     found.extend(all.map(|(_, place)| first + place));
                 }
+                Member::NodesOf(name) if depth < DEEPEST => {
+                    for element in self.set(number, false, *line, name, depth + 1)? {
+                        found.extend(self.cell(element as usize).1);
+                    }
+                }
                 Member::Set(name) if depth < DEEPEST => {
                     found.extend(self.set(number, of_nodes, *line, name, depth + 1)?);
                 }
-                Member::Set(name) => {
+                Member::Set(name) | Member::NodesOf(name) => {
                     let text = format!("set \"{name}\" contains itself");
                     return Err(Failure::line(*line, text));
                 }

@@ -47,6 +47,8 @@ pub(super) enum Member {
     Range(Option<String>, [u64; 3]),
     /// Another set, in capitals.
     Set(String),
+    /// All nodes of a set of elements, in capitals.
+    NodesOf(String),
 }
 
 /// A surface.
@@ -203,7 +205,15 @@ impl<'a> Reader<'a> {
             "ELSET" if option("ELSET").is_some_and(|name| name == "gmsh:bounding_entities") => {
                 Block::Skip
             }
-            "NSET" => set(true, self.named_set(true, k, k.needed("NSET")?)),
+            "NSET" => {
+                let name = self.named_set(true, k, k.needed("NSET")?);
+                if let Some(elements) = option("ELSET") {
+                    let sets = &mut self.current().node_sets;
+                    let set = sets.get_mut(&name).expect("made by its keyword");
+                    set.members.push((k.line, Member::NodesOf(key(elements))));
+                }
+                set(true, name)
+            }
             "ELSET" => set(false, self.named_set(false, k, k.needed("ELSET")?)),
             "SURFACE" => {
                 let name = k.needed("NAME")?;
@@ -417,6 +427,15 @@ impl<'a> Reader<'a> {
         }
         let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
         let listed = listed.collect::<Result<Vec<_>>>()?;
+        let corners = &listed[..cell.n_corners()];
+        let again = (1..corners.len()).find(|&k| corners[..k].contains(&corners[k]));
+        if let (Cell::Element(_), Some(k)) = (cell, again) {
+            let text = format!(
+                "element {element} has node {} at several corners: collapsed elements are not supported, use triangles, wedges or pyramids",
+                corners[k]
+            );
+            return Err(Failure::line(line, text));
+        }
         let part = self.current();
         let next = part.elements.len() as u32;
         if part.element_of.insert(element, next).is_some() {

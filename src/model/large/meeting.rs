@@ -22,9 +22,11 @@ use crate::contact::{
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes};
+use crate::rounding::ROUNDING;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::array::from_fn;
+use std::cell::LazyCell;
 use std::collections::{BTreeSet, HashMap};
 
 /// v after the turn that takes one unit vector to another by the shortest way.
@@ -129,6 +131,8 @@ pub(super) struct Meeting<const D: usize> {
     pub bends: Vec<Bend<D>>,
     /// Whether the places are those of the configuration before.
     pub is_alike: bool,
+    /// Above all pools at rest.
+    pools: u32,
 }
 
 /// A node of a place and its obstacle: along a round obstacle the contact force turns as the node moves.
@@ -241,16 +245,18 @@ where
     fn turn_of_gap(
         &self,
         place: &ContactPlace<D>,
-        around: &HashMap<u32, Vec<u32>>,
+        around: &LazyCell<HashMap<u32, Vec<u32>>, impl FnOnce() -> HashMap<u32, Vec<u32>>>,
         u: &[[f64; D]],
     ) -> [f64; D] {
         let gap = Self::apart(place, &place.frame, &self.mesh.nodes);
-        let beside = place
-            .partners
-            .iter()
-            .filter_map(|(node, _)| around.get(node));
+        // Sides that touch are apart by the rounding of their means.
+        if length(gap) <= ROUNDING * length(place.place) {
+            return [0.0; D];
+        }
+        let partners = place.partners.iter();
+        let beside = partners.filter_map(|(node, _)| around.get(node));
         let nodes: BTreeSet<u32> = beside.flatten().copied().collect();
-        if nodes.is_empty() || gap == [0.0; D] {
+        if nodes.is_empty() {
             return [0.0; D];
         }
         let (rest, now): (Vec<_>, Vec<_>) = nodes
@@ -326,6 +332,7 @@ where
             bends: Vec::new(),
             from: Vec::with_capacity(self.candidates.len()),
             is_alike: true,
+            pools: (self.candidates.iter().map(|place| place.0.pool + 1).max()).unwrap_or(0),
         };
         for pair in 0..self.pairs.len() as u32 {
             let [now_of, before_of] =
@@ -344,7 +351,8 @@ where
             }
             let begin = self.candidates.partition_point(|place| place.1 < pair);
             let connected = self.connected(pair, moved, now_of, moments[1])?;
-            let around = (self.pairs[pair as usize].kind == EntityKind::Tie).then(|| {
+            let is_tie = self.pairs[pair as usize].kind == EntityKind::Tie;
+            let around = LazyCell::new(|| {
                 let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
                 for nodes in self.pairs[pair as usize].others.iter().map(facet_nodes) {
                     (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
@@ -395,8 +403,10 @@ where
                         Some(connected) => touch.slip = connected.moved,
                         None => {
                             let along = |u: &[[f64; D]]| -> [f64; D] {
-                                let turn = (around.as_ref())
-                                    .map_or([0.0; D], |around| self.turn_of_gap(rest, around, u));
+                                let turn = match is_tie {
+                                    true => self.turn_of_gap(rest, &around, u),
+                                    false => [0.0; D],
+                                };
                                 from_fn(|a| {
                                     let terms = rest.terms(a);
                                     let sum = terms.map(|(node, way)| dot(way, u[node as usize]));
@@ -534,7 +544,7 @@ where
                 nodes.iter().map(|&node| all[node as usize]).collect()
             }
         };
-        // An element that is pressed flat has no facets that count.
+        // Nodes whose facets look away keep the area at rest.
         let areas = touches.iter_mut().zip(areas).filter(|at| at.1 > 0.0);
         for (touch, area) in areas {
             let wider = area / touch.place.area;
@@ -563,6 +573,14 @@ where
         for (&number, stated) in acting {
             let data = &self.pairs[number as usize];
             let pair = &self.definition.pairs[number as usize];
+            if self.swallows(
+                &moved,
+                of_pair(touches, number),
+                data,
+                DEPTH[1] * stated.longest,
+            ) {
+                return Ok(true);
+            }
             if data.meets_itself() {
                 let met = of_pair(touches, number)
                     .iter()
@@ -620,25 +638,41 @@ where
             if !now.is_empty() && inside(&self.mesh, &now)?.len() < now.len() {
                 return Ok(true);
             }
-            // Farther inside of a body that has no boundary of its own here.
-            let body_of = |node: u32| self.sliding.body_of[node as usize];
-            let of = |facets: &[Facet<D>]| -> BTreeSet<u32> {
-                facets
-                    .iter()
-                    .map(|facet| body_of(facet_nodes(facet)[0]))
-                    .collect()
-            };
-            let (own, others) = (of(&data.facets), of(&data.others));
-            let is_other = |node| others.contains(&body_of(node)) && !own.contains(&body_of(node));
-            let inside = |mesh: &Mesh<D>, nodes: &[u32]| {
-                enclosed(mesh, nodes, is_other, DEPTH[1] * stated.longest)
-            };
-            let now = inside(&moved, &nodes);
-            if !now.is_empty() && inside(&self.mesh, &now).len() < now.len() {
-                return Ok(true);
-            }
         }
         Ok(false)
+    }
+
+    /// Whether nodes of the boundaries of a contact that have no places are inside the other bodies of the contact, deeper than a distance.
+    /// Nodes that are there at rest do not count, and excluded sides may pass through each other.
+    fn swallows(
+        &self,
+        moved: &Mesh<D>,
+        touches: &[Touch<D>],
+        data: &PairData<D>,
+        deeper: f64,
+    ) -> bool {
+        if !data.excluded.is_empty() {
+            return false;
+        }
+        let sides = || data.facets.iter().chain(&data.others).map(facet_nodes);
+        let mut nodes: BTreeSet<u32> = sides().flatten().copied().collect();
+        for (node, _) in touches
+            .iter()
+            .flat_map(|touch| touch.place.sides(0))
+            .flatten()
+        {
+            nodes.remove(node);
+        }
+        let body_of = |node: u32| self.sliding.body_of[node as usize];
+        let bodies: BTreeSet<u32> = sides().map(|nodes| body_of(nodes[0])).collect();
+        bodies.into_iter().any(|body| {
+            let surface = &self.sliding.surfaces[body as usize];
+            let others: Vec<u32> = (nodes.iter().copied())
+                .filter(|&node| body_of(node) != body)
+                .collect();
+            let now = enclosed(moved, &others, surface, deeper);
+            !now.is_empty() && enclosed(&self.mesh, &now, surface, deeper).len() < now.len()
+        })
     }
 
     /// The places of a pair of bodies.
@@ -668,9 +702,8 @@ where
         let earlier = [now, before].map(Earlier::new);
         let stated = &self.sliding.stated[&pair];
         let within = 0.5 * stated.facet;
-        // Pools of no other contact.
-        let of_rest = self.candidates.iter().map(|place| place.0.pool + 1);
-        let pools = of_rest.max().unwrap_or(0) + met.touches.len() as u32;
+        // Pool numbers are unique across contacts.
+        let pools = met.pools + met.touches.len() as u32;
         let mut touches: Vec<Touch<D>> = (places.into_iter())
             .map(|mut place| {
                 place.pool += pools;

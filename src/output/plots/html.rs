@@ -220,13 +220,7 @@ fn balance(out: &mut String, report: &Report, step: &StepReport) {
     };
     let head = ["strain", "work of loads", "of supports", "of contacts"];
     let head = head.map(|name| Units::named(name, &report.units.moment()));
-    let row = [
-        energy.strain,
-        energy.loads,
-        energy.supports,
-        energy.contacts,
-    ];
-    let row = row.map(|v| format!("{v:.6e}")).to_vec();
+    let row = energy.all().map(|v| format!("{v:.6e}")).to_vec();
     table(
         out,
         "Energy",

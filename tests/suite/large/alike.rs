@@ -1,5 +1,6 @@
 //! The same bodies, stated in two ways: with an obstacle or a body that is held, with one contact or several, turned or not.
 
+use super::elements::length;
 use super::{End, neo_hooke, solved, solved_in_space, tried};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Obstacle;
@@ -9,6 +10,7 @@ use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::model::{Axis, Coupling, Model, Pair, Spring, Support, Traction};
 use signorini::ssnm::Status;
+use std::collections::BTreeSet;
 
 fn part(low: [f64; 2], size: [f64; 2], cells: [usize; 2], name: &str) -> Mesh {
     rectangle(low, size, cells, CellShape::Quad, name, &format!("{name}-"))
@@ -102,7 +104,7 @@ fn obstacles_are_as_compliant_as_bodies() {
             let nodes = mesh.boundaries["block-bottom"]
                 .iter()
                 .flat_map(|facet| facet[..2].to_vec());
-            let nodes: std::collections::BTreeSet<u32> = nodes.collect();
+            let nodes: BTreeSet<u32> = nodes.collect();
             mesh.node_sets
                 .insert("feet".into(), nodes.into_iter().collect());
             let pair = match (rigid, by_nodes) {
@@ -266,23 +268,39 @@ fn bodies_turn_without_loads() {
 /// small, too.
 #[test]
 fn the_sides_of_a_plate_may_be_in_one_contact() {
-    let solve = |large: bool, one: bool| {
+    let solve = |large: bool, by_nodes: bool, one: bool| {
         let base = part([0.0; 2], [2.0, 0.5], [10, 3], "base");
         let plate = part([0.2, 0.5], [1.6, 0.05], [16, 1], "plate");
         let punch = part([0.6, 0.55], [0.6, 0.4], [6, 3], "punch");
-        let mut model = Model::on(join(join(base, plate), punch))
+        let mut mesh = join(join(base, plate), punch);
+        for side in ["plate-top", "base-top"] {
+            let nodes = mesh.boundaries[side]
+                .iter()
+                .flat_map(|facet| facet[..2].to_vec());
+            let nodes: BTreeSet<u32> = nodes.collect();
+            mesh.node_sets
+                .insert(format!("{side}-nodes"), nodes.into_iter().collect());
+        }
+        let pair = |own: &[&str], other: &[&str]| match by_nodes {
+            false => Pair::new(own, other),
+            true => {
+                let own: Vec<String> = own.iter().map(|side| format!("{side}-nodes")).collect();
+                Pair::new(own, other).by_nodes()
+            }
+        };
+        let mut model = Model::on(mesh)
             .material(Material::new(1.0, 0.3))
             .support(Support::on("base-bottom").fixed())
             .support(Support::on("plate-left").x(0.0))
             .support(Support::on("punch-top").x(0.0).y(-0.02));
         model = match one {
-            true => model.contact(Pair::new(
-                ["plate-top", "base-top"],
-                ["punch-bottom", "plate-bottom"],
+            true => model.contact(pair(
+                &["plate-top", "base-top"],
+                &["punch-bottom", "plate-bottom"],
             )),
             false => model
-                .contact(Pair::new("plate-top", "punch-bottom"))
-                .contact(Pair::new("base-top", "plate-bottom")),
+                .contact(pair(&["plate-top"], &["punch-bottom"]))
+                .contact(pair(&["base-top"], &["plate-bottom"])),
         };
         if large {
             model = model.large_displacements();
@@ -296,28 +314,47 @@ fn the_sides_of_a_plate_may_be_in_one_contact() {
             .sum();
         (sum, end.report.supports[2].force[1])
     };
-    for large in [false, true] {
-        let [one, two] = [true, false].map(|one| solve(large, one));
-        assert!(two.0 > 0.03, "{two:?}");
+    for (large, by_nodes) in [(false, false), (false, true), (true, false)] {
+        let [two, one] = [false, true].map(|one| solve(large, by_nodes, one));
+        assert!(two.0 > 0.025, "{two:?}");
         assert_near(one.0, two.0, 1e-6, "contact forces");
         assert_near(one.1, two.1, 1e-6, "the force of the punch");
     }
 }
 
-/// A body that a step would put into the middle of another one does not end there.
+/// A body that a step would put into the middle of another one does not end there, whichever side has the multipliers.
 #[test]
 fn no_body_is_swallowed() {
-    let low = part([0.0; 2], [2.0, 1.0], [8, 4], "low");
-    let up = part([2.5, 1.1], [0.5, 0.5], [4, 4], "up");
-    let model = Model::on(join(low, up))
-        .large_displacements()
-        .material(Material::new(1e6, 0.3))
-        .support(Support::on("low-bottom").fixed())
-        .support(Support::on("up-top").x(-1.5).y(-0.9))
-        .contact(Pair::new(
-            ["up-bottom", "up-left", "up-right"],
-            ["low-top", "low-right", "low-left"],
-        ));
-    let end = solved(model, 1e-6, Cholesky).pop().expect("a step");
-    assert!(end.status != Status::Converged || end.force() != [0.0; 2]);
+    let small = ["up-bottom", "up-left", "up-right", "up-top"];
+    let large = ["low-top", "low-right", "low-left"];
+    let all: Vec<&str> = small.into_iter().chain(large).collect();
+    let pairs = [
+        Pair::new(small, large),
+        Pair::new(large, small),
+        Pair::new(&all[..], &all[..]),
+    ];
+    for (number, pair) in pairs.into_iter().enumerate() {
+        let low = part([0.0; 2], [2.0, 1.0], [8, 4], "low");
+        let up = part([2.5, 1.1], [0.5, 0.5], [4, 4], "up");
+        let mesh = join(low, up);
+        let model = Model::on(mesh.clone())
+            .large_displacements()
+            .material(Material::new(1e6, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .support(Support::on("up-top").x(-1.5).y(-0.9))
+            .contact(pair);
+        let end = solved(model, 1e-6, Cholesky).pop().expect("a step");
+        // The foremost node of the small one, which would be at (1, 0.2).
+        let foot = mesh
+            .nodes
+            .iter()
+            .position(|x| *x == [2.5, 1.1])
+            .expect("a node");
+        let [dx, dy] = end.displacement[foot];
+        assert!(
+            end.status != Status::Converged || length(end.force()) > 0.0,
+            "{number}: {:?}, moved by ({dx}, {dy})",
+            end.status
+        );
+    }
 }

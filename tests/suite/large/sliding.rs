@@ -478,7 +478,7 @@ fn a_beam_snaps_over_a_bump() {
             (supports + contacts).abs() < 1e-4 * most,
             "{supports} {contacts}"
         );
-        // By its end in each step.
+        // `slipping_work` has the traction at the end of each step.
         assert!(
             (contacts + rubbed).abs() < 0.03 * rubbed + 1e-4 * most,
             "{contacts} {rubbed}"
