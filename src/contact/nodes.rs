@@ -95,9 +95,8 @@ where
         .map(|&node| {
             let own = numbers.get(&node).map_or(&[][..], Vec::as_slice);
             let counts = |other: usize| {
-                let across = |&own: &usize| {
-                    options.walls[own].is_between(&options.walls[around.len() + other])
-                };
+                let other = options.walls.get(around.len() + other);
+                let across = |&own: &usize| other.is_some_and(|o| options.walls[own].is_between(o));
                 !own.iter().any(across)
             };
             let x = mesh.nodes[node as usize];

@@ -18,7 +18,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         let mut faces = Tracks::default();
         let mut surfaces = Tracks::default();
         let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
-        // The first name of the same elements, or of the same faces.
+        // The first name of the same elements.
         let mut bodies: BTreeMap<Vec<u32>, String> = BTreeMap::new();
         for load in &self.said.loads {
             let by = load.stated();
