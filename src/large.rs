@@ -469,9 +469,7 @@ where
         // Pressures up to a free edge are not conservative, and the symmetric part of their turn may be indefinite
         // where bodies are stable. So may that of pairs, which counts only as long as they stay closed.
         // Forces in the volume that depend on where bodies are have an approximate tangent.
-        let also_without = self.elastic.has_pressures()
-            || self.elastic.has_moved_forces()
-            || self.elastic.redirects_forces();
+        let also_without = self.elastic.has_moved_forces() || self.elastic.redirects_forces();
         let turning = [true, false]
             .into_iter()
             .take(1 + usize::from(also_without));

@@ -270,11 +270,12 @@ where
         minus(Carried::of(&shares, &rest, &now, &[]).turn.of(gap), gap)
     }
 
-    /// Whether forces go to other places, or turn with the line of a spring, which the tangent does not know.
+    /// Whether forces go to other places, or turn with the line of a spring or with the edge of a surface under pressure, which the
+    /// tangent does not know.
     pub(crate) fn redirects_forces(&self) -> bool {
         // Turns of couplings do not count: acceleration takes them too far, and each of them is nearly a Newton step.
         let has_line = self.definition.springs.iter().any(Spring::has_line);
-        has_line || self.pairs.iter().any(PairData::slides)
+        has_line || self.has_pressures() || self.pairs.iter().any(PairData::slides)
     }
 
     /// Whether there are rigid obstacles.

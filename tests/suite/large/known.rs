@@ -108,6 +108,51 @@ fn a_rotating_bar_is_stretched() {
     }
 }
 
+/// A bar that a pressure on its end pulls or presses: its stretches l and m follow from l S = p m, with S of St. Venant and Kirchhoff. The
+/// turn of the pressure at the ends of a loaded side is not symmetric: the tangent lacks it, and a slender bar is sensitive to it.
+#[test]
+fn a_pressure_stretches_a_bar() {
+    let (lambda, mu) = (0.3 / (1.3 * 0.4), 0.5 / 1.3);
+    for pressure in [-0.2, -0.1, 0.1] {
+        let state = |l: f64| {
+            let along = 0.5 * (l * l - 1.0);
+            let across = -lambda * along / (lambda + 2.0 * mu);
+            let stress = (lambda + 2.0 * mu) * along + lambda * across;
+            (l * stress + pressure * (1.0 + 2.0 * across).sqrt(), across)
+        };
+        let (mut low, mut high) = (0.8, 1.5);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            *(if state(middle).0 > 0.0 {
+                &mut high
+            } else {
+                &mut low
+            }) = middle;
+        }
+        let wide = (1.0 + 2.0 * state(low).1).sqrt();
+        let mesh = rectangle([0.0; 2], [2.0, 1.0], [8, 4], CellShape::Quad, "bar", "");
+        let model = Model::on(mesh.clone())
+            .large_displacements()
+            .material(Material::new(1.0, 0.3))
+            .support(Support::on("left").x(0.0))
+            .support(Support::at_point([0.0; 2]).y(0.0))
+            .traction(Traction::on("right").pressure(pressure))
+            .contact(far("bottom", [0.0, -1.0]));
+        let end = solved(model, 1e-9, Cholesky).remove(0);
+        assert_eq!(
+            (end.status, end.parts),
+            (Status::Converged, 1),
+            "{pressure}"
+        );
+        assert!(end.iterations <= 20, "{pressure}: {}", end.iterations);
+        for (x, u) in mesh.nodes.iter().zip(&end.displacement) {
+            let known = [(low - 1.0) * x[0], (wide - 1.0) * x[1]];
+            let off = (u[0] - known[0]).hypot(u[1] - known[1]);
+            assert!(off < 1e-6, "{pressure}: {u:?}, not {known:?}");
+        }
+    }
+}
+
 /// The tip of a cantilever under a dead force: the elastica (Mattiasson, Numerical results from large deflection beam and frame
 /// problems analysed by means of elliptic integrals, 1981).
 #[test]
