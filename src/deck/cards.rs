@@ -208,6 +208,10 @@ impl<'a> Said<'a> {
                 self.only(k, &["NAME"]);
                 self.interaction = Some(self.interactions.len());
                 let name = k.option("NAME").map(key).unwrap_or_default();
+                if self.interactions.iter().any(|one| one.name == name) {
+                    let text = format!("*SURFACE INTERACTION \"{name}\" is stated twice");
+                    return Err((k.line, text));
+                }
                 self.interactions.push(Interaction {
                     name,
                     ..Default::default()
@@ -412,6 +416,7 @@ impl<'a> Said<'a> {
             ));
         };
         let changes = std::mem::take(&mut self.changes_behavior);
+        self.belongs_before_steps(k, changes)?;
         let Some(behavior) = self.stated_behavior(card)? else {
             return Ok(());
         };
@@ -543,6 +548,18 @@ impl<'a> Said<'a> {
         Ok(())
     }
 
+    /// Checks that a law in a step is one that a keyword of the step has announced.
+    fn belongs_before_steps(&self, k: &Keyword<'a>, changes: bool) -> Result<()> {
+        if changes || self.steps.is_empty() {
+            return Ok(());
+        }
+        let text = format!(
+            "*{name} in a step needs a *CHANGE {name}, INTERACTION= before it",
+            name = k.name
+        );
+        Err((k.line, text))
+    }
+
     fn friction(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         let Some(interaction) = self.interaction else {
@@ -557,6 +574,7 @@ impl<'a> Said<'a> {
             self.refuse(k.line, "FRICTION", text);
         }
         let changes = std::mem::take(&mut self.changes_friction);
+        self.belongs_before_steps(k, changes)?;
         let Some(&(line, text)) = card.data.first() else {
             return Ok(());
         };

@@ -29,6 +29,12 @@ pub enum ExportError {
     /// Contacts wear.
     #[error("load steps in which contacts wear cannot be exported: leave out wear")]
     Worn,
+    /// Displacements are large: no single matrices have the solution.
+    #[error("large displacements cannot be exported as matrices: state geometry = \"small\"")]
+    Large,
+    /// Load steps are repeated.
+    #[error("repeated load steps cannot be exported: state cycles = 1")]
+    Cycles,
     /// A load step has not converged, and the next one starts from its end.
     #[error(
         "load step {step} has not converged, and later steps would start from it: the cases up to this one are written"
@@ -78,7 +84,7 @@ impl Files<'_> {
 /// origin of slip, so all but the last are solved. `log` is that of [`Engine::new`].
 ///
 /// # Errors
-/// If a file cannot be written, or would overwrite an input of the case; if contacts wear; if a step fails or does not converge. Files
+/// If a file cannot be written, or would overwrite an input of the case; if contacts wear, displacements are large, or load steps are repeated; if a step fails or does not converge. Files
 /// written before stay.
 pub fn export<const D: usize>(
     directory: &Path,
@@ -94,6 +100,12 @@ where
     let n_steps = analysis.n_steps();
     if (analysis.elastic).is_some_and(|elastic| elastic.wearing().is_some()) {
         return Err(ExportError::Worn);
+    }
+    if (analysis.elastic).is_some_and(|elastic| elastic.is_large()) {
+        return Err(ExportError::Large);
+    }
+    if analysis.n_cycles() > 1 {
+        return Err(ExportError::Cycles);
     }
     super::files::refuse_inputs(directory, &case.inputs(), |name| {
         name.ends_with(".mtx") || name.ends_with(".toml")

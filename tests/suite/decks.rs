@@ -1577,6 +1577,14 @@ fn options_that_change_the_answer_are_refused() {
             "the coefficient cannot depend on",
         ),
         (
+            format!("{surfaces}{STATIC}*FRICTION\n0.1\n*END STEP\n"),
+            "*FRICTION in a step needs a *CHANGE FRICTION",
+        ),
+        (
+            format!("{surfaces}{surfaces}{end}"),
+            "*SURFACE INTERACTION \"I\" is stated twice",
+        ),
+        (
             "*STEP\n*STATIC,RIKS\n*END STEP\n".to_owned(),
             "RIKS: this option is not understood",
         ),

@@ -102,6 +102,42 @@ fn load_steps_with_friction_in_the_plane() {
     assert_eq!(compare(&text), 4);
 }
 
+/// Matrices of one cycle are not those of several, nor are those at rest those of large displacements.
+#[test]
+fn what_has_no_matrices_is_refused() {
+    let text = |rest: &str| {
+        format!(
+            "[mesh]\nrectangle = {{ size = [2, 1], cells = [4, 2] }}\n[[material]]\nyoung = 1\npoisson = 0.3\n\
+        [[support]]\nboundary = \"top\"\nx = 0.01\ny = -0.01\nfactors = [1, -1]\n\
+        [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 0.2 }}\n\
+        obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n[steps]\nfactors = [1, 1]\n{rest}"
+        )
+    };
+    for (rest, expected) in [
+        ("cycles = 3\n", "state cycles = 1"),
+        (
+            "[analysis]\ngeometry = \"large\"\n",
+            "state geometry = \"small\"",
+        ),
+    ] {
+        let case = Case::parse(Path::new("tests/case.toml"), text(rest), &[]).or_panic();
+        let built = case.build().or_panic();
+        let AnyAnalysis::Plane(analysis) = built.analysis() else {
+            panic!("it is in the plane");
+        };
+        let directory = tempfile::tempdir().or_panic();
+        let error = export(
+            directory.path(),
+            &case,
+            analysis,
+            Default::default(),
+            |_| {},
+        );
+        let error = error.expect_err(rest).to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
 /// Prescribed motions of the nodes in contact, a press fit, given slip bounds beside a coefficient: in space.
 #[test]
 fn an_interference_and_two_laws_in_space() {
