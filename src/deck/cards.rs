@@ -181,18 +181,24 @@ impl<'a> Said<'a> {
             "TRANSFORM" => self.transform(card)?,
             "STEP" => self.step(card),
             "STATIC" => {
-                // Increments, solvers and damping leave the equilibrium at the end as it is.
-                self.only(
-                    k,
-                    &[
-                        "DIRECT",
-                        "SOLVER",
-                        "STABILIZE",
-                        "ALLSDTOL",
-                        "CONTINUE",
-                        "FACTOR",
-                    ],
-                );
+                // Increments, solvers, damping and inelastic material leave the equilibrium of elastic bodies as it is.
+                let known = [
+                    "DIRECT",
+                    "NO STOP",
+                    "SOLVER",
+                    "STABILIZE",
+                    "ALLSDTOL",
+                    "CONTINUE",
+                    "FACTOR",
+                    "LONG TERM",
+                    "FULLY PLASTIC",
+                    "ADIABATIC",
+                ];
+                // The total time counts in amplitudes alone.
+                let times = ["TIME RESET", "TOTAL TIME AT START"];
+                let counts = self.amplitudes.iter().any(|amplitude| amplitude.total);
+                let times = if counts { &[][..] } else { &times[..] };
+                self.only(k, &[&known[..], times].concat());
                 let period = match first {
                     Some((line, text)) => numbers(line, text)?.get(1).copied(),
                     None => None,
@@ -443,10 +449,6 @@ impl<'a> Said<'a> {
             .option("PRESSURE-OVERCLOSURE")
             .map(key)
             .unwrap_or_else(|| "HARD".to_owned());
-        if k.option("PENALTY").is_some() && !card.data.is_empty() {
-            let text = "*SURFACE BEHAVIOR, PENALTY with a stiffness: state PRESSURE-OVERCLOSURE=LINEAR, or leave its line out for hard contact";
-            self.refuse(k.line, "PENALTY", text);
-        }
         let numbers = match card.data.first() {
             Some(&(line, text)) => numbers(line, text)?,
             None => Vec::new(),
@@ -455,6 +457,13 @@ impl<'a> Said<'a> {
             .first()
             .copied()
             .filter(|&stiffness| stiffness > 0.0);
+        // A blank entry is the stiffness that the program chooses: hard contact here.
+        let softer =
+            stiffness.is_some() || numbers.get(1).is_some_and(|&clearance| clearance != 0.0);
+        if k.option("PENALTY").is_some() && kind == "HARD" && softer {
+            let text = "*SURFACE BEHAVIOR, PENALTY with a stiffness or a clearance: state PRESSURE-OVERCLOSURE=LINEAR, or leave them out for hard contact";
+            self.refuse(k.line, "PENALTY", text);
+        }
         let tied = kind == "TIED";
         let springs = match (kind.as_str(), stiffness) {
             ("HARD", _) => Some(Vec::new()),
@@ -748,12 +757,6 @@ impl<'a> Said<'a> {
                             "*EQUATION needs a node or set, a direction and a factor for each term";
                         return Err((line, text.to_owned()));
                     };
-                    if self.unsorted.contains(&key(target)) {
-                        let text = format!(
-                            "*EQUATION: the order of the set \"{target}\" counts, as it is UNSORTED: write the equations node by node"
-                        );
-                        self.refuse(line, "UNSORTED", text);
-                    }
                     terms.push((target, component(line, direction)?, value(line, factor)?));
                 }
             }

@@ -108,6 +108,17 @@ impl Track {
         ]
     }
 
+    /// Whether it has a value in a step that an earlier one has stated.
+    pub fn lasts(&self, step: usize) -> bool {
+        let last = self
+            .settings
+            .iter()
+            .rfind(|setting| setting.by.step <= step);
+        last.is_some_and(|last| {
+            last.by.step < step && !matches!(last.to, To::Nothing | To::Value(0.0))
+        })
+    }
+
     /// The change since the beginning of a step that does not state it, of amplitudes in total time.
     fn goes_on(&self, times: &Times, step: usize, time: f64) -> f64 {
         let earlier = self

@@ -1478,7 +1478,7 @@ fn cards_of_a_step_go_together() {
         ),
     ] {
         // The load of the first step goes in the second one.
-        let first = "*CLOAD\nNright,1,100.\n*DLOAD\n4,P2,-7.\n*DSLOAD\nSend,P,-7.\n";
+        let first = "*CLOAD\n3,1,100.\n*DLOAD\n2,P3,-7.\n*DSLOAD\nSmiddle,P,-7.\n";
         let keyword = &one[..one.find(',').expect("an option")];
         let first: String = first
             .split_inclusive('\n')
@@ -1488,7 +1488,9 @@ fn cards_of_a_step_go_together() {
             .flatten()
             .copied()
             .collect();
-        let steps = format!("{STATIC}{first}*END STEP\n{STATIC}{one}{two}*END STEP\n");
+        let steps = format!(
+            "*SURFACE,NAME=Smiddle\n2,S3\n{STATIC}{first}*END STEP\n{STATIC}{one}{two}*END STEP\n"
+        );
         let u = displacements(&built(&read(&strip(&steps), &[], &[]).or_panic()));
         assert!((u[1][4][0] - 0.4).abs() < 1e-9, "{keyword}: {:?}", u[1][4]);
     }
@@ -1503,7 +1505,7 @@ fn cards_of_a_step_go_together() {
 #[test]
 fn loads_are_those_of_their_elements() {
     let sets = "*ELSET,ELSET=Again,GENERATE\n1,4\n";
-    for again in ["EALL", "Again"] {
+    for again in ["EALL", "Again", ""] {
         let load =
             |set: &str, g: f64| format!("{STATIC}*DLOAD\n{set},GRAV,{g},1.,0.,0.\n*END STEP\n");
         let text = strip(&format!("{sets}{}{}", load("Eall", 2.0), load(again, 4.0)));
@@ -1585,16 +1587,20 @@ fn options_that_change_the_answer_are_refused() {
             "*SURFACE INTERACTION \"I\" is stated twice",
         ),
         (
+            format!("{STATIC}*DSLOAD\nSend,P,1.\n*END STEP\n{STATIC}*DLOAD,OP=NEW\nEall,GRAV,2.,1.,0.,0.\n*END STEP\n"),
+            "while loads of *DSLOAD go on",
+        ),
+        (
             "*STEP\n*STATIC,RIKS\n*END STEP\n".to_owned(),
             "RIKS: this option is not understood",
         ),
         (
-            "*STEP\n*STATIC,TIME RESET\n*END STEP\n".to_owned(),
+            "*AMPLITUDE,NAME=a,TIME=TOTAL TIME\n0.,0.,2.,2.\n*STEP\n*STATIC,TIME RESET\n*END STEP\n".to_owned(),
             "TIME RESET: this option is not understood",
         ),
         (
             format!(
-                "*NSET,NSET=One,UNSORTED\n5\n*NSET,NSET=Two,UNSORTED\n15\n*EQUATION\n2\nOne,1,1.,Two,1,-1.\n{end}"
+                "*NSET,NSET=One,UNSORTED\n5,4\n*NSET,NSET=Two,UNSORTED\n14,15\n*EQUATION\n2\nOne,1,1.,Two,1,-1.\n{end}"
             ),
             "as it is UNSORTED",
         ),
@@ -1605,12 +1611,28 @@ fn options_that_change_the_answer_are_refused() {
             "needs elements at both ends",
         ),
         (
-            format!("*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,4,5,15,15\n{end}"),
+            format!("*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,4,15,5,15\n{end}"),
             "element 50 has node 15 at several corners",
         ),
     ] {
         let error = read(&strip(&rest), &[], &[]).expect_err(expected);
         assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// What changes nothing here is read: options of increments, the stiffness that a program chooses, sets of one node in any order, and
+/// quadrilaterals that are triangles.
+#[test]
+fn options_that_change_nothing_are_read() {
+    for rest in [
+        "*SURFACE INTERACTION,NAME=I\n*SURFACE BEHAVIOR,PENALTY\n,,1.\n",
+        "*NSET,NSET=One,UNSORTED\n5\n*EQUATION\n2\nOne,1,1.,15,1,-1.\n",
+        "*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,5,99,15,15\n",
+    ] {
+        let text = strip(&format!(
+            "{rest}*STEP\n*STATIC,DIRECT,TIME RESET\n1.,1.\n*CLOAD\nNright,1,5.\n*END STEP\n"
+        ));
+        read(&text, &[], &[]).or_panic();
     }
 }
 

@@ -5,6 +5,7 @@ use super::points::Given;
 use super::{Result, Translation, with_factors};
 use crate::deck::history::factors;
 use crate::deck::said::{MpcCard, MpcKind};
+use crate::mesh::abaqus::keyword::key;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::model::{Equal, Equation, Force};
 use std::collections::{BTreeMap, BTreeSet};
@@ -70,6 +71,7 @@ impl<const D: usize> Translation<'_, '_, D> {
     pub(super) fn equations(&mut self) -> Result<()> {
         let transforms = self.transforms()?;
         let mut stated: Vec<Stated> = Vec::new();
+        let mut unsorted = Vec::new();
         for equation in &self.said.equations {
             let line = equation.line;
             let sets = equation.terms.iter();
@@ -80,12 +82,33 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = "*EQUATION: all sets must have the same number of nodes, or one";
                 return Err((line, text.to_owned()));
             }
+            // Nodes of sets are paired by their numbers.
+            let listed = |target: &str| {
+                let name = target.rsplit('.').next().unwrap_or_default();
+                self.said.unsorted.contains(&key(name))
+            };
+            let several = sets
+                .iter()
+                .zip(&equation.terms)
+                .filter(|(set, _)| set.len() > 1);
+            let several: Vec<&str> = several.map(|(_, term)| term.0).collect();
+            if let (2.., Some(target)) =
+                (several.len(), several.iter().find(|target| listed(target)))
+            {
+                let text = format!(
+                    "*EQUATION: the order of the set \"{target}\" counts, as it is UNSORTED: write the equations node by node"
+                );
+                unsorted.push((line, text));
+            }
             stated.extend((0..count).map(|i| {
                 let terms = sets.iter().zip(&equation.terms);
                 let terms = terms.map(|(set, &(_, c, factor))| (set[i % set.len()], c, factor));
                 // In the plane nothing moves along z.
                 (line, terms.filter(|&(_, c, _)| c < D).collect())
             }));
+        }
+        for (line, text) in unsorted {
+            self.refuse(line, "UNSORTED", text);
         }
         let n_steps = self.times.ends.len();
         let row = |line| Row {

@@ -24,7 +24,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             let by = load.stated();
             let (line, step) = (by.line, by.step);
             let mut body = |target: &str| -> Result<String> {
-                let mut elements = self.index.elements(line, target)?;
+                let mut elements = self.loaded(line, target)?;
                 elements.sort_unstable();
                 Ok(bodies
                     .entry(elements)
@@ -92,6 +92,27 @@ impl<const D: usize> Translation<'_, '_, D> {
                 _ => {}
             }
         }
+        for load in &self.said.loads {
+            let step = load.step.unwrap_or(0);
+            let (name, other, stays) = match load.what {
+                What::Clear(Kind::Distributed) => {
+                    let stays = surfaces.all.iter().any(|(_, track)| track.lasts(step));
+                    ("DLOAD", "DSLOAD", stays)
+                }
+                What::Clear(Kind::Surface) => {
+                    let on_faces = faces.all.iter().any(|(_, track)| track.lasts(step));
+                    let stays = on_faces || volumes.all.iter().any(|(_, track)| track.lasts(step));
+                    ("DSLOAD", "DLOAD", stays)
+                }
+                _ => continue,
+            };
+            if stays {
+                let text = format!(
+                    "*{name}, OP=NEW while loads of *{other} go on: Abaqus keeps these and CalculiX removes them; add *{other}, OP=NEW and state in this step what stays"
+                );
+                self.refuse(load.line, "OP", text);
+            }
+        }
         let mut alike: BTreeMap<(String, Vec<u64>), Pressed> = BTreeMap::new();
         for (face, track) in &faces.all {
             let values = track.values(&self.times, 0.0);
@@ -121,6 +142,17 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
+    /// The elements of a load in the volume: of the whole model where no set is named.
+    fn loaded(&self, line: usize, target: &str) -> Result<Vec<u32>> {
+        if !target.is_empty() {
+            return self.index.elements(line, target);
+        }
+        let all = 0..self.index.n_elements() as u32;
+        Ok(all
+            .filter(|&element| self.index.is_of_body(element))
+            .collect())
+    }
+
     fn pressure(&mut self, line: usize, boundary: &str, values: &[f64]) {
         let (size, factors) = factors(values);
         if size == 0.0 {
@@ -136,7 +168,7 @@ impl<const D: usize> Translation<'_, '_, D> {
     fn volume(&mut self, target: &str, bits: &[u64; 7], line: usize, values: &[f64]) -> Result<()> {
         let [a, b] = [[1, 2, 3], [4, 5, 6]].map(|at| at.map(|at| f64::from_bits(bits[at])));
         let (size, factors) = factors(values);
-        let elements = self.index.elements(line, target)?;
+        let elements = self.loaded(line, target)?;
         let set_name = self.index.set_name(false, target);
         let mut parts: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
         for element in elements.iter().copied() {
@@ -157,9 +189,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             let of_section = self.regions.iter().find(|(_, _, all)| *all == elements);
             let region = match (of_section, &set_name) {
                 (Some((_, name, _)), _) => name.clone(),
-                (None, Some(name)) if self.index.elements(line, target)? == elements => {
-                    name.clone()
-                }
+                (None, Some(name)) if self.loaded(line, target)? == elements => name.clone(),
                 _ => self.name("load"),
             };
             self.index.add_region(&region, &elements);

@@ -3,6 +3,7 @@
 use super::keyword::{Keyword, entries, key, label, number, plain};
 use super::types::{cell, has_modes, note, order};
 use super::{Failure, Result};
+use crate::mesh::ElementKind;
 use crate::mesh::file::raw::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -426,16 +427,26 @@ impl<'a> Reader<'a> {
             ));
         }
         let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
-        let listed = listed.collect::<Result<Vec<_>>>()?;
+        let mut listed = listed.collect::<Result<Vec<_>>>()?;
         let corners = &listed[..cell.n_corners()];
         let again = (1..corners.len()).find(|&k| corners[..k].contains(&corners[k]));
-        if let (Cell::Element(_), Some(k)) = (cell, again) {
-            let text = format!(
-                "element {element} has node {} at several corners: collapsed elements are not supported, use triangles, wedges or pyramids",
-                corners[k]
-            );
-            return Err(Failure::line(line, text));
-        }
+        let (cell, modes) = match (cell, again) {
+            // A quadrilateral of which two neighbouring corners are one is a triangle.
+            (Cell::Element(ElementKind::Quad), Some(k))
+                if listed[k] == listed[k - 1] || listed[k] == listed[(k + 1) % 4] =>
+            {
+                listed.remove(k);
+                (Cell::Element(ElementKind::Triangle), false)
+            }
+            (Cell::Element(_), Some(k)) => {
+                let text = format!(
+                    "element {element} has node {} at several corners: collapsed elements are not supported, use triangles, wedges or pyramids",
+                    corners[k]
+                );
+                return Err(Failure::line(line, text));
+            }
+            _ => (cell, modes),
+        };
         let part = self.current();
         let next = part.elements.len() as u32;
         if part.element_of.insert(element, next).is_some() {
