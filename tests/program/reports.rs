@@ -81,7 +81,7 @@ fn a_clamped_beam() {
 fn energy_and_work() {
     let (sigma, young, k) = (3.0, 1e3, 2e3);
     let report = solved(&format!(
-        "[analysis]\nthickness = 0.5\nplane = \"stress\"\n[mesh.rectangle]\nsize = [2, 1]\ncells = [4, 2]\n\
+        "[analysis]\nthickness = 0.5\n[mesh.rectangle]\nsize = [2, 1]\ncells = [4, 2]\n\
          [[material]]\nyoung = {young}\npoisson = 0\n[[support]]\nboundary = \"bottom\"\ny = 0\n\
          [[traction]]\nboundary = \"right\"\npressure = {sigma}\n\
          [[contact]]\nboundary = \"left\"\nstiffness = {{ normal = {k} }}\n\
