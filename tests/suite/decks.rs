@@ -1605,9 +1605,7 @@ fn options_that_change_the_answer_are_refused() {
             "as it is UNSORTED",
         ),
         (
-            format!(
-                "*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n50,5,99\n*SPRING,ELSET=Espring\n\n3.\n*BOUNDARY\n99,1,2\n*STEP,NLGEOM\n*STATIC\n*END STEP\n"
-            ),
+            "*ELEMENT,TYPE=SPRINGA,ELSET=Espring\n50,5,99\n*SPRING,ELSET=Espring\n\n3.\n*BOUNDARY\n99,1,2\n*STEP,NLGEOM\n*STATIC\n*END STEP\n".to_owned(),
             "needs elements at both ends",
         ),
         (

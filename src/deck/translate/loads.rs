@@ -67,7 +67,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     size,
                     direction,
                 } => {
-                    let key = (body(*target)?, bits(0, unit(*direction), [0.0; 3]));
+                    let key = (body(target)?, bits(0, unit(*direction), [0.0; 3]));
                     volumes.load(key, target, *size, by);
                 }
                 What::Centrifugal {
@@ -76,7 +76,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     point,
                     direction,
                 } => {
-                    let key = (body(*target)?, bits(1, *point, unit(*direction)));
+                    let key = (body(target)?, bits(1, *point, unit(*direction)));
                     volumes.load(key, target, *square, by);
                 }
                 What::Volume {
@@ -86,7 +86,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 } => {
                     let mut along = [0.0; 3];
                     along[*axis] = 1.0;
-                    let key = (body(*target)?, bits(2, along, [0.0; 3]));
+                    let key = (body(target)?, bits(2, along, [0.0; 3]));
                     volumes.load(key, target, *value, by);
                 }
                 _ => {}
