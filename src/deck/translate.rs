@@ -268,15 +268,14 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let is_stiff = elements.iter().any(|&e| self.index.ends(e).len() > 1);
                 let of_bodies = elements.into_iter().filter(|&e| self.index.is_of_body(e));
                 let elements: Vec<u32> = of_bodies.collect();
-                if elements.is_empty() && !is_stiff {
-                    continue;
-                }
                 if elements.is_empty() {
-                    let text = format!(
-                        "*SOLID SECTION: \"{}\" has no elements of bodies; trusses, shells, beams and, among solids, elements of the plane are not supported",
-                        section.set
-                    );
-                    self.refuse(section.line, "SOLID SECTION", text);
+                    if is_stiff {
+                        let text = format!(
+                            "*SOLID SECTION: \"{}\" has no elements of bodies; trusses, shells, beams and, among solids, elements of the plane are not supported",
+                            section.set
+                        );
+                        self.refuse(section.line, "SOLID SECTION", text);
+                    }
                     continue;
                 }
                 for &element in &elements {
