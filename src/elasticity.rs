@@ -339,8 +339,12 @@ impl Moduli {
     where
         E: ShapeFunctions<D, N, Q>,
     {
-        (self.modes && kind.may_have_modes())
-            .then(|| Modes::new::<E, Q>(points, x, plane, &self.law))
+        let modes = || Modes::new::<E, Q>(points, x, plane, &self.law);
+        self.has_modes(kind).then(modes).flatten()
+    }
+
+    fn has_modes(&self, kind: ElementKind) -> bool {
+        self.modes && kind.may_have_modes()
     }
 
     /// The projection of its dilatation, if there is one.
@@ -354,8 +358,7 @@ impl Moduli {
     where
         E: ShapeFunctions<D, N, Q>,
     {
-        let projected =
-            self.projected && E::DILATATION_MODES > 0 && !(self.modes && kind.may_have_modes());
+        let projected = self.projected && E::DILATATION_MODES > 0 && !self.has_modes(kind);
         projected.then(|| Dilatation::new(E::DILATATION_MODES, points, x, plane))
     }
 }

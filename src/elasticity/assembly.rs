@@ -119,7 +119,7 @@ where
                     dilatation.add(bulk, [a, b], &mut block);
                 }
                 if let Some(modes) = &modes {
-                    modes.relieve([a, b], &mut block);
+                    modes.eliminated.relieve([a, b], &mut block);
                 }
                 (self.take)(a, b, &block);
             }

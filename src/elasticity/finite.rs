@@ -12,6 +12,9 @@
 //! linear elasticity. In plane stress the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law
 //! finds the stretch of the thickness.
 //!
+//! Incompatible modes (`modes.rs`) are more functions of the displacements: their amplitudes minimise the strain energy of
+//! the element where its nodes are, and its tangent is without them, as at rest.
+//!
 //! The stresses in a tangent are those that the last of Newton's steps predicted, as if E (ϑ of neo-Hooke's law) had
 //! been linear in it. The actual ones have the square of the step times the stiffest modulus of a thin or
 //! incompressible body in them, and Newton's method follows that back and forth. The residual has the actual ones.
@@ -19,6 +22,7 @@
 //! shells using solid finite elements, 2017.)
 
 use super::assembly::rows_of;
+use super::modes::{Amplitudes, Eliminated, Gradients};
 use super::{
     Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
 };
@@ -86,15 +90,12 @@ struct Strained<const D: usize, const N: usize> {
     cold: f64,
     /// By how much warmth stretches the volume.
     warm: f64,
-    /// ∇φ over the stretch of warmth, and φ/X along what goes round.
-    gradient: [[f64; D]; N],
-    hoop: [f64; N],
+    /// Of each node, and of each mode.
+    nodes: [Function<D>; N],
+    modes: [Function<D>; D],
     f: [[f64; D]; D],
     /// The stretch perpendicular to the plane.
     across: f64,
-    /// ∂ϑ/∂u in the plane (in space: all of it), and by what goes round.
-    p: [[f64; D]; N],
-    round: [f64; N],
     theta: f64,
     /// λ as the tangent has it.
     lambda: f64,
@@ -105,10 +106,45 @@ struct Strained<const D: usize, const N: usize> {
     s_across: f64,
     /// F Fᵀ.
     left: [[f64; D]; D],
-    /// F ∇φ.
-    pushed: [[f64; D]; N],
     /// Whether the tangent is made without stresses.
     unstressed: bool,
+}
+
+/// A function of the displacements at a point of a displaced element.
+#[derive(Clone, Copy)]
+struct Function<const D: usize> {
+    /// ∇φ over the stretch of warmth, and φ/X along what goes round.
+    gradient: [f64; D],
+    hoop: f64,
+    /// ∂ϑ/∂u in the plane (in space: all of it), and by what goes round.
+    p: [f64; D],
+    round: f64,
+    /// F ∇φ.
+    pushed: [f64; D],
+}
+
+/// The displacements of an element.
+#[derive(Clone, Copy)]
+struct Motion<const D: usize, const N: usize> {
+    nodes: [[f64; D]; N],
+    modes: Amplitudes<D>,
+}
+
+impl<const D: usize, const N: usize> Motion<D, N> {
+    /// Of the nodes alone.
+    fn of(nodes: [[f64; D]; N]) -> Self {
+        Self {
+            nodes,
+            modes: [[0.0; D]; D],
+        }
+    }
+}
+
+/// A point of an element at rest, with the gradients of its modes, if it has any.
+#[derive(Clone, Copy)]
+struct At<const D: usize, const N: usize> {
+    point: Point<D, N>,
+    modes: Option<[[f64; D]; D]>,
 }
 
 fn times<const D: usize>(m: &[[f64; D]; D], v: &[f64; D]) -> [f64; D] {
@@ -150,26 +186,35 @@ impl Law {
     /// At a point of an element at rest whose nodes have moved by u, the last time by `step`; `stretch` is that of warmth.
     fn strained<const D: usize, const N: usize>(
         &self,
-        point: &Point<D, N>,
+        At { point, modes }: &At<D, N>,
         hoop: f64,
-        [u, step]: [&[[f64; D]; N]; 2],
+        [u, step]: [&Motion<D, N>; 2],
         stretch: f64,
     ) -> Strained<D, N> {
         let gradient = point.gradient.map(|g| g.map(|v| v / stretch));
         let round_axis = point.shape.map(|shape| shape * hoop / stretch);
-        let f = deformation(&gradient, u, stretch);
-        let mut across = 1.0 / stretch + sum(&round_axis, u)[0];
+        let modes = modes.map(|modes| modes.map(|g| g.map(|v| v / stretch)));
+        let mut f = deformation(&gradient, &u.nodes, stretch);
+        // The change of F in the last step, column by column, and of the stretch across.
+        let mut moved = tangents(&gradient, &step.nodes);
+        let moved_across = sum(&round_axis, &step.nodes)[0];
+        if let Some(modes) = &modes {
+            let [own, last] = [u, step].map(|motion| tangents(modes, &motion.modes));
+            for i in 0..D {
+                for j in 0..D {
+                    f[i][j] += own[j][i];
+                    moved[j][i] += last[j][i];
+                }
+            }
+        }
+        let mut across = 1.0 / stretch + sum(&round_axis, &u.nodes)[0];
         let (inverse, det) = cofactors(f);
         let left = from_fn(|i| from_fn(|j| dot(f[i], f[j])));
         let right = transposed(&f);
         let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
         let has_across = D == 2 && self.plane != Plane::PlaneStress;
-        let pushed = gradient.map(|g| times(&f, &g));
-        // The change of F in the last step, column by column, and of the stretch across.
-        let moved = tangents(&gradient, step);
-        let moved_across = sum(&round_axis, step)[0];
         let (mut lambda, mut s, mut s_across) = (self.lambda, [[0.0; D]; D], 0.0);
-        let (theta, p, round);
+        let theta;
         match self.kind {
             Hyperelastic::NeoHooke => {
                 if D == 2 && self.plane == Plane::PlaneStress {
@@ -193,8 +238,6 @@ impl Law {
                         + first / det
                         + if D == 2 { moved_across / across } else { 0.0 };
                 }
-                p = gradient.map(|g| times(&inverse, &g).map(|v| v / det));
-                round = round_axis.map(|h| h / across);
             }
             Hyperelastic::StVenantKirchhoff => {
                 let e = |i: usize, j: usize| {
@@ -212,30 +255,58 @@ impl Law {
                     across = (1.0 + 2.0 * e_across).max(0.0).sqrt();
                 }
                 theta = trace;
-                p = pushed;
-                round = round_axis.map(|h| h * across);
             }
         }
+        let function = |gradient: [f64; D], hoop: f64| {
+            let pushed = times(&f, &gradient);
+            let (p, round) = match self.kind {
+                Hyperelastic::NeoHooke => {
+                    (times(&inverse, &gradient).map(|v| v / det), hoop / across)
+                }
+                Hyperelastic::StVenantKirchhoff => (pushed, hoop * across),
+            };
+            Function {
+                gradient,
+                hoop,
+                p,
+                round,
+                pushed,
+            }
+        };
         let warm = stretch * stretch * stretch;
         Strained {
             weight: point.weight * warm * self.thickness,
             cold: point.weight,
             warm,
-            gradient,
-            hoop: round_axis,
+            nodes: from_fn(|a| function(gradient[a], round_axis[a])),
+            modes: modes.map_or([Function::NONE; D], |modes| modes.map(|g| function(g, 0.0))),
             f,
             across,
-            p,
-            round,
             theta,
             lambda,
             q: self.lambda * theta,
             s,
             s_across,
             left,
-            pushed,
             unstressed: false,
         }
+    }
+}
+
+impl<const D: usize> Function<D> {
+    const NONE: Self = Self {
+        gradient: [0.0; D],
+        hoop: 0.0,
+        p: [0.0; D],
+        round: 0.0,
+        pushed: [0.0; D],
+    };
+
+    /// ∂ϑ/∂u.
+    fn dilatation(&self) -> [f64; D] {
+        let mut part = self.p;
+        part[0] += self.round;
+        part
     }
 }
 
@@ -290,70 +361,52 @@ impl<const D: usize, const N: usize> Strained<D, N> {
         }
     }
 
-    /// ∂ϑ/∂u of node a.
-    fn dilatation(&self, a: usize) -> [f64; D] {
-        let mut part = self.p[a];
-        part[0] += self.round[a];
-        part
-    }
-
-    /// The nodal force of the strain energy at node a, per volume at rest.
-    fn force(&self, law: &Law, a: usize) -> [f64; D] {
+    /// The force of the strain energy on a function, per volume at rest.
+    fn force(&self, law: &Law, of: &Function<D>) -> [f64; D] {
         let mut force = match law.kind {
             Hyperelastic::NeoHooke => {
-                from_fn(|i| law.mu * self.pushed[a][i] + (self.q - law.mu) * self.p[a][i])
+                from_fn(|i| law.mu * of.pushed[i] + (self.q - law.mu) * of.p[i])
             }
-            Hyperelastic::StVenantKirchhoff => times(&self.f, &times(&self.s, &self.gradient[a])),
+            Hyperelastic::StVenantKirchhoff => times(&self.f, &times(&self.s, &of.gradient)),
         };
         force[0] += match law.kind {
-            Hyperelastic::NeoHooke => {
-                law.mu * self.across * self.hoop[a] + (self.q - law.mu) * self.round[a]
-            }
-            Hyperelastic::StVenantKirchhoff => self.across * self.s_across * self.hoop[a],
+            Hyperelastic::NeoHooke => law.mu * self.across * of.hoop + (self.q - law.mu) * of.round,
+            Hyperelastic::StVenantKirchhoff => self.across * self.s_across * of.hoop,
         };
         force
     }
 
-    /// Adds to entry [i][k] the derivative of the force at node a along axis i by the displacement of node b along k.
+    /// Adds to entry [i][k] the derivative of the force on function a along axis i by the amplitude of b along k.
     #[inline]
-    fn add_tangent(&self, law: &Law, [a, b]: [usize; 2], block: &mut [[f64; D]; D]) {
+    fn add_tangent(&self, law: &Law, [a, b]: [&Function<D>; 2], block: &mut [[f64; D]; D]) {
         let (mu, w) = (law.mu, self.weight);
-        let (pa, pb) = (self.dilatation(a), self.dilatation(b));
-        let plain = dot(self.gradient[a], self.gradient[b]);
+        let (pa, pb) = (a.dilatation(), b.dilatation());
+        let plain = dot(a.gradient, b.gradient);
         let (along, hoops) = match law.kind {
             Hyperelastic::NeoHooke => {
                 let rest = mu - self.q;
                 for i in 0..D {
                     for k in 0..D {
-                        block[i][k] +=
-                            w * (rest * self.p[b][i] * self.p[a][k] + self.lambda * pa[i] * pb[k]);
+                        block[i][k] += w * (rest * b.p[i] * a.p[k] + self.lambda * pa[i] * pb[k]);
                     }
                 }
                 // The stresses S = μ I + (q − μ) C⁻¹ weigh ∇φ·S ∇φ.
                 let (along, round) = match self.unstressed {
-                    true => (
-                        rest * dot(self.p[a], self.p[b]),
-                        rest * self.round[a] * self.round[b],
-                    ),
-                    false => (mu * plain, mu * self.hoop[a] * self.hoop[b]),
+                    true => (rest * dot(a.p, b.p), rest * a.round * b.round),
+                    false => (mu * plain, mu * a.hoop * b.hoop),
                 };
-                (along, round + rest * self.round[a] * self.round[b])
+                (along, round + rest * a.round * b.round)
             }
             Hyperelastic::StVenantKirchhoff => {
                 for i in 0..D {
                     for k in 0..D {
                         block[i][k] += w
                             * (self.lambda * pa[i] * pb[k]
-                                + mu * (plain * self.left[i][k]
-                                    + self.pushed[b][i] * self.pushed[a][k]));
+                                + mu * (plain * self.left[i][k] + b.pushed[i] * a.pushed[k]));
                     }
                 }
-                let hoops = self.s_across * self.hoop[a] * self.hoop[b]
-                    + 2.0 * mu * self.round[a] * self.round[b];
-                (
-                    dot(self.gradient[a], times(&self.s, &self.gradient[b])),
-                    hoops,
-                )
+                let hoops = self.s_across * a.hoop * b.hoop + 2.0 * mu * a.round * b.round;
+                (dot(a.gradient, times(&self.s, &b.gradient)), hoops)
             }
         };
         (0..D).for_each(|c| block[c][c] += w * along);
@@ -395,8 +448,9 @@ impl<const D: usize, const N: usize> Strained<D, N> {
 pub(super) struct Finite<'a, const D: usize, const N: usize> {
     law: Law,
     x: [[f64; D]; N],
-    u: [[f64; D]; N],
-    step: [[f64; D]; N],
+    u: Motion<D, N>,
+    step: Motion<D, N>,
+    modes: Option<Gradients<D>>,
     /// The projection, with κ times the part of ϑ that each of its functions has.
     projected: Option<(Dilatation<D, N>, [f64; 4])>,
     region: u32,
@@ -445,18 +499,25 @@ where
         let loose = of.loose_at(element);
         let mut made = Self {
             law,
-            u: match loose {
+            u: Motion::of(match loose {
                 Loose::Partly => [[0.0; D]; N],
                 _ => at_nodes(of.displacement),
-            },
-            step: of.step.map_or([[0.0; D]; N], at_nodes),
+            }),
+            step: Motion::of(of.step.map_or([[0.0; D]; N], at_nodes)),
+            modes: moduli
+                .has_modes(element.kind())
+                .then(|| Gradients::new::<E, N, Q>(&points, &x)),
             x,
             projected: None,
             region: element.region,
             expansion: material.expansion,
             temperature: of.temperature,
         };
-        let mut strained = points.map(|point| made.strained(&point));
+        let at = made.at::<E, Q>(&points);
+        if made.modes.is_some() {
+            made.relax(&at);
+        }
+        let mut strained = at.map(|at| made.strained(&at));
         made.projected = dilatation.map(|dilatation| {
             let mut parts = [0.0; 4];
             for (at, point) in strained.iter().zip(&points) {
@@ -490,12 +551,136 @@ where
         Self::new::<E, Q>(of, element, &moduli).0
     }
 
-    fn strained(&self, point: &Point<D, N>) -> Strained<D, N> {
-        let place = point.place(&self.x);
+    /// The points that integrate the element.
+    fn at<E: ShapeFunctions<D, N, Q>, const Q: usize>(
+        &self,
+        points: &[Point<D, N>; Q],
+    ) -> [At<D, N>; Q] {
+        let rule = E::stiffness_rule();
+        from_fn(|number| At {
+            point: points[number],
+            modes: (self.modes.as_ref()).map(|modes| modes.at::<E, N, Q>(rule[number].0, &self.x)),
+        })
+    }
+
+    /// Lets the modes give way until the energy is least. They begin at rest, so that the result is that of the displacement alone.
+    fn relax<const Q: usize>(&mut self, at: &[At<D, N>; Q]) {
+        let nodes = self.u.nodes;
+        let step = std::mem::replace(&mut self.step, Motion::of([[0.0; D]; N]));
+        let moved = step.nodes != [[0.0; D]; N];
+        if moved {
+            self.u.nodes = from_fn(|a| from_fn(|c| nodes[a][c] - step.nodes[a][c]));
+            self.u.modes = self.relaxed(at);
+        }
+        let before = std::mem::replace(&mut self.u, Motion::of(nodes)).modes;
+        self.u.modes = self.relaxed(at);
+        self.step.nodes = step.nodes;
+        if moved {
+            let now = &self.u.modes;
+            self.step.modes = from_fn(|k| from_fn(|c| now[k][c] - before[k][c]));
+        }
+    }
+
+    /// The amplitudes of the modes where the energy is least, by Newton's method with a line search.
+    fn relaxed<const Q: usize>(&self, at: &[At<D, N>; Q]) -> Amplitudes<D> {
+        /// Iterations; a handful will do.
+        const MOST: usize = 50;
+        /// Halvings of a step.
+        const LEAST: i32 = 30;
+        /// The gain of a step in parts of the energy from where on the error after it is its square, and rounding may hide the gain.
+        const NEAR: f64 = 1e-12;
+        /// The gain of the last step; and in parts of μ, where there is hardly any energy.
+        const LAST: [f64; 2] = [1e-20, 1e-28];
+        let mut amplitudes = [[0.0; D]; D];
+        let strained = |modes: &Amplitudes<D>| {
+            let u = Motion {
+                modes: *modes,
+                ..self.u
+            };
+            at.map(|at| {
+                let mut here = self.strained_by(&at, &u);
+                here.close(self.law.kind, 0.0);
+                here
+            })
+        };
+        let energy = |points: &[Strained<D, N>; Q]| -> f64 {
+            points
+                .iter()
+                .map(|at| at.weight * at.energy(&self.law))
+                .sum()
+        };
+        let mut here = strained(&amplitudes);
+        let mut least = energy(&here);
+        let volume: f64 = here.iter().map(|at| at.weight).sum();
+        for _ in 0..MOST {
+            let mut forces = [[0.0; D]; D];
+            for at in &here {
+                for (force, mode) in forces.iter_mut().zip(&at.modes) {
+                    let part = at.force(&self.law, mode);
+                    (0..D).for_each(|c| force[c] -= at.weight * part[c]);
+                }
+            }
+            let Some(eliminated) = self.eliminated(&mut here) else {
+                break;
+            };
+            let driven = eliminated.driven(&forces);
+            let step = eliminated.amplitudes(&driven, &[[0.0; D]; N]);
+            let gain: f64 = driven.iter().map(|v| v * v).sum();
+            let none = LAST[1] * self.law.mu * volume;
+            let [is_near, is_last] = [NEAR, LAST[0]].map(|part| gain <= part * least + none);
+            let found = (0..LEAST).find_map(|halved| {
+                let part = 0.5_f64.powi(halved);
+                let next = from_fn(|k| from_fn(|c| amplitudes[k][c] + part * step[k][c]));
+                let there = strained(&next);
+                let energy = energy(&there);
+                (energy < least || is_near && energy.is_finite()).then_some((next, there, energy))
+            });
+            let Some((next, there, energy)) = found else {
+                break;
+            };
+            (amplitudes, here, least) = (next, there, energy);
+            if is_last {
+                break;
+            }
+        }
+        amplitudes
+    }
+
+    /// The stiffness of the modes. Where it is not positive definite, the stresses are left out of the tangent of the element.
+    fn eliminated<const Q: usize>(
+        &self,
+        points: &mut [Strained<D, N>; Q],
+    ) -> Option<Eliminated<D, N>> {
+        let made = |points: &[Strained<D, N>; Q]| {
+            let between = |[k, l]: [usize; 2], block: &mut [[f64; D]; D]| {
+                for at in points {
+                    at.add_tangent(&self.law, [&at.modes[k], &at.modes[l]], block);
+                }
+            };
+            let coupled = |[k, a]: [usize; 2], block: &mut [[f64; D]; D]| {
+                for at in points {
+                    at.add_tangent(&self.law, [&at.modes[k], &at.nodes[a]], block);
+                }
+            };
+            Eliminated::new(between, coupled)
+        };
+        made(points).or_else(|| {
+            points.iter_mut().for_each(|at| at.loosen(&self.law));
+            made(points)
+        })
+    }
+
+    fn strained(&self, at: &At<D, N>) -> Strained<D, N> {
+        self.strained_by(at, &self.u)
+    }
+
+    /// At a point of the element, where it moves by u.
+    fn strained_by(&self, at: &At<D, N>, u: &Motion<D, N>) -> Strained<D, N> {
+        let place = at.point.place(&self.x);
         let warmth = (self.temperature).map_or(0.0, |at| at(self.region, place));
         let stretch = 1.0 + self.expansion * warmth;
         let hoop = self.law.plane.hoop(place);
-        (self.law).strained(point, hoop, [&self.u, &self.step], stretch)
+        (self.law).strained(at, hoop, [u, &self.step], stretch)
     }
 
     /// κ π ϑ at a place.
@@ -513,7 +698,7 @@ where
     /// Hands over the blocks of the tangent in the rows that are wanted.
     fn blocks<E: ShapeFunctions<D, N, Q>, const Q: usize>(
         &self,
-        strained: &[Strained<D, N>; Q],
+        strained: &mut [Strained<D, N>; Q],
         wanted: impl Fn(usize) -> bool,
         mut take: impl FnMut(usize, usize, &[[f64; D]; D]),
     ) {
@@ -523,8 +708,8 @@ where
             let mut all = [[[0.0; D]; 4]; N];
             for (at, point) in strained.iter().zip(&points) {
                 let values = dilatation.values(point.place(&self.x));
-                for (a, of) in all.iter_mut().enumerate() {
-                    let part = at.dilatation(a);
+                for (function, of) in at.nodes.iter().zip(all.iter_mut()) {
+                    let part = function.dilatation();
                     for (sum, value) in of.iter_mut().zip(values) {
                         (0..D).for_each(|c| sum[c] += at.cold * value * part[c]);
                     }
@@ -532,12 +717,16 @@ where
             }
             all
         });
+        let modes = (self.modes.as_ref()).and_then(|_| self.eliminated(strained));
         let bulk = self.law.bulk * self.law.thickness;
         for a in (0..N).filter(|&a| wanted(a)) {
             for b in 0..N {
                 let mut block = [[0.0; D]; D];
-                for at in strained {
-                    at.add_tangent(&self.law, [a, b], &mut block);
+                for at in &*strained {
+                    at.add_tangent(&self.law, [&at.nodes[a], &at.nodes[b]], &mut block);
+                }
+                if let Some(modes) = &modes {
+                    modes.relieve([a, b], &mut block);
                 }
                 if let Some(all) = &integrals {
                     for (of_a, of_b) in all[a].iter().zip(&all[b]) {
@@ -554,7 +743,8 @@ where
     /// The Cauchy stress at a point of the reference element.
     pub fn cauchy_at<E: ShapeFunctions<D, N, Q>, const Q: usize>(&self, xi: [f64; D]) -> Stress {
         let point = E::at(xi, 1.0, &self.x);
-        let mut at = self.strained(&point);
+        let modes = (self.modes.as_ref()).map(|modes| modes.at::<E, N, Q>(xi, &self.x));
+        let mut at = self.strained(&At { point, modes });
         at.close(self.law.kind, self.projected_at(point.place(&self.x)));
         at.cauchy(&self.law)
     }
@@ -583,8 +773,8 @@ where
 
     fn visit<E: ShapeFunctions<D, N, Q>, const N: usize, const Q: usize>(self) {
         let moduli = &self.moduli[self.element.region as usize];
-        let (finite, strained) = Finite::new::<E, Q>(&self.of, self.element, moduli);
-        finite.blocks::<E, Q>(&strained, self.wanted, self.take);
+        let (finite, mut strained) = Finite::new::<E, Q>(&self.of, self.element, moduli);
+        finite.blocks::<E, Q>(&mut strained, self.wanted, self.take);
     }
 }
 
@@ -618,8 +808,8 @@ where
             0.5 * law.thickness / law.bulk * parts.iter().map(|part| part * part).sum::<f64>()
         });
         for at in &strained {
-            for (a, force) in forces.iter_mut().enumerate() {
-                let part = at.force(law, a);
+            for (function, force) in at.nodes.iter().zip(&mut forces) {
+                let part = at.force(law, function);
                 (0..D).for_each(|c| force[c] += at.weight * part[c]);
             }
             energy += at.weight * at.energy(law);

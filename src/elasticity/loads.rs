@@ -190,7 +190,7 @@ where
             let warmth = (self.temperature)(self.element.region, place);
             let size = pressure * warmth * point.weight;
             if let Some(modes) = &modes {
-                let gradients = modes.gradients::<E, Q>(xi, &x);
+                let gradients = modes.gradients.at::<E, N, Q>(xi, &x);
                 let all = driving.as_flattened_mut().iter_mut();
                 all.zip(gradients.as_flattened())
                     .for_each(|(f, gradient)| *f += size * gradient);
@@ -206,9 +206,9 @@ where
             }
         }
         if let Some(modes) = &modes {
-            let driven = modes.driven(&driving);
+            let driven = modes.eliminated.driven(&driving);
             for (a, &node) in self.element.nodes().iter().enumerate() {
-                let part = modes.handed_on(&driven, a);
+                let part = modes.eliminated.handed_on(&driven, a);
                 (0..D).for_each(|c| self.forces[node as usize][c] += part[c]);
             }
         }

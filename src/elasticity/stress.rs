@@ -214,12 +214,13 @@ where
             let mut driving = [[0.0; D]; D];
             for (point, (xi, _)) in points.iter().zip(E::stiffness_rule()) {
                 let size = relief(point.place(&x)) * point.weight;
-                let gradients = modes.gradients::<E, Q>(xi, &x);
+                let gradients = modes.gradients.at::<E, N, Q>(xi, &x);
                 let all = driving.as_flattened_mut().iter_mut();
                 all.zip(gradients.as_flattened())
                     .for_each(|(f, gradient)| *f += size * gradient);
             }
-            let amplitudes = modes.amplitudes(&modes.driven(&driving), &u);
+            let driven = modes.eliminated.driven(&driving);
+            let amplitudes = modes.eliminated.amplitudes(&driven, &u);
             (modes, amplitudes)
         });
         let finite = self.large.then(|| {
@@ -242,7 +243,7 @@ where
                 }
             }
             if let Some((modes, amplitudes)) = &modes {
-                let gradients = modes.gradients::<E, Q>(xi, &x);
+                let gradients = modes.gradients.at::<E, N, Q>(xi, &x);
                 for (along, g) in amplitudes.iter().zip(gradients) {
                     for i in 0..D {
                         for j in 0..D {

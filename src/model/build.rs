@@ -187,7 +187,7 @@ where
         definition.add_carriers(&mut mesh);
         let materials = definition.materials(&mesh)?;
         match definition.is_large() {
-            true => definition.check_large(&materials)?,
+            true => definition.check_large()?,
             false => definition.check_small()?,
         }
         let body = Body {

@@ -20,7 +20,7 @@ use super::pair::Law;
 use super::{Definition, Driven};
 use crate::contact::{ContactPlace, ContactRows, Space, contact_rows};
 use crate::elasticity::{
-    Body, Deformed, Loose, Material, Temperature, Unknowns, add_block, free_forces, tangent_forces,
+    Body, Deformed, Loose, Temperature, Unknowns, add_block, free_forces, tangent_forces,
 };
 use crate::mesh::bounds;
 use crate::mesh::vector::{dot, length, minus};
@@ -189,7 +189,7 @@ where
     }
 
     /// Whether all that is stated is understood where displacements are large.
-    pub(super) fn check_large(&self, materials: &[Material]) -> Result<(), ModelError> {
+    pub(super) fn check_large(&self) -> Result<(), ModelError> {
         for (i, pair) in self.pairs.iter().enumerate() {
             let text = match &pair.law {
                 Law::Tresca(_) => {
@@ -225,13 +225,6 @@ where
                 let text = format!("a coupling that leaves directions free {small}");
                 return Err(coupling.entity(i).at("free").error(text));
             }
-        }
-        let modes = |material: &Material| material.incompatible_modes;
-        if let Some(i) = materials.iter().position(modes) {
-            let number = i.min(self.materials.len() - 1);
-            return Err(self.materials[number].entity(number).error(
-                "incompatible modes belong to small displacements: leave out incompatible_modes, or take elements of second order",
-            ));
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use crate::common::or_panic::OrPanic as _;
 use crate::common::solved::case;
 use signorini::case::CaseProblem;
 use signorini::contact::Space;
-use signorini::elasticity::{Stress, stresses_at};
+use signorini::elasticity::{Deformed, Stress, cauchy_stresses, stresses_at};
 use signorini::engine::Stiffness;
 use signorini::mesh::ElementKind;
 use signorini::model::{AnyBuilt, Built};
@@ -36,7 +36,11 @@ where
     let data = built.step(0).or_panic();
     let u = data.unknowns.displacements(&solution.u);
     let field = |region, x| data.temperature.at(region, x);
-    let (stress, _) = stresses_at(&built.elastic.body(), &u, Some(&field));
+    let body = built.elastic.body();
+    let (stress, _) = match built.elastic.is_large() {
+        true => cauchy_stresses(&Deformed::new(&body, &u, Some(&field))),
+        false => stresses_at(&body, &u, Some(&field)),
+    };
     let three = |v: &[f64; D]| std::array::from_fn(|c| v.get(c).copied().unwrap_or(0.0));
     Found {
         x: built.elastic.mesh.nodes.iter().map(three).collect(),
@@ -257,5 +261,118 @@ fn nearly_incompressible_bodies_do_not_lock() {
         let tip = solved(&text, Stiffness::Cholesky).at([48.0, 60.0, 0.0])[1];
         println!("Cook with modes: {:+.2} %", 100.0 * (tip / REFERENCE - 1.0));
         assert!((tip / REFERENCE - 1.0).abs() < 0.025, "{tip}");
+    }
+}
+
+/// A large uniform strain of elements of any shape.
+#[test]
+fn patches_are_strained_uniformly_by_a_fifth() {
+    let bump = "x*(2 - x)*y*(1 - y)";
+    let slopes = [[0.2, 0.15], [-0.1, -0.12]];
+    let f: [[f64; 2]; 2] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| slopes[i][j] + f64::from(u8::from(i == j)))
+    });
+    let j = f[0][0] * f[1][1] - f[0][1] * f[1][0];
+    let (mu, lambda) = (1.0 / 1.3, 2.0 * 0.3 / (1.3 * 0.4));
+    for law in ["st-venant-kirchhoff", "neo-hooke"] {
+        // σxx, σyy, σxy of the law in plane strain.
+        let product = |m: &dyn Fn(usize, usize) -> f64, a: usize, b: usize| {
+            let entry = |k: usize, l: usize| f[a][k] * m(k, l) * f[b][l];
+            (0..2)
+                .map(|k| (0..2).map(|l| entry(k, l)).sum::<f64>())
+                .sum::<f64>()
+        };
+        let one = |k: usize, l: usize| f64::from(u8::from(k == l));
+        let strain =
+            |k: usize, l: usize| 0.5 * ((0..2).map(|i| f[i][k] * f[i][l]).sum::<f64>() - one(k, l));
+        let trace = strain(0, 0) + strain(1, 1);
+        let expected = [(0, 0), (1, 1), (0, 1)].map(|(a, b)| match law {
+            "neo-hooke" => {
+                (mu * (product(&one, a, b) - one(a, b)) + lambda * j.ln() * one(a, b)) / j
+            }
+            _ => {
+                product(
+                    &|k, l| lambda * trace * one(k, l) + 2.0 * mu * strain(k, l),
+                    a,
+                    b,
+                ) / j
+            }
+        });
+        for kind in ["plane_strain", "space"] {
+            let (mesh, sides, third) = match kind {
+                "space" => (
+                    format!(
+                        "[mesh.box]\nsize = [2, 1, 1]\ncells = [3, 3, 2]\nmap = [\"x + 0.6*{bump}*z*(1 - z)\", \
+                         \"y - 0.5*{bump}*z*(1 - z)\", \"z + 0.7*{bump}*z*(1 - z)\"]\n[analysis]\n"
+                    ),
+                    "\"left\", \"right\", \"front\", \"back\", \"bottom\", \"top\"",
+                    "z = 0\n",
+                ),
+                _ => (
+                    format!(
+                        "[mesh.rectangle]\nsize = [2, 1]\ncells = [4, 3]\n\
+                         map = [\"x + 0.4*{bump}*sin(5*x)\", \"y + 0.5*{bump}\"]\n[analysis]\nplane = \"plane_strain\"\n"
+                    ),
+                    "\"left\", \"right\", \"bottom\", \"top\"",
+                    "",
+                ),
+            };
+            let [[a, b], [c, d]] = slopes;
+            let text = format!(
+                "{mesh}geometry = \"large\"\n[[material]]\nyoung = 2\npoisson = 0.3\nlaw = \"{law}\"\n\
+                 incompatible_modes = true\n[[support]]\nboundary = [{sides}]\nx = \"{a}*x + {b}*y\"\n\
+                 y = \"{c}*x + {d}*y\"\n{third}"
+            );
+            for path in PATHS {
+                let found = solved(&text, path);
+                for (u, x) in found.u.iter().zip(&found.x) {
+                    for (u, [a, b]) in u.iter().zip(slopes) {
+                        assert!((u - a * x[0] - b * x[1]).abs() < 1e-10, "{kind} {law}");
+                    }
+                }
+                for s in &found.stress {
+                    for (found, expected) in [s.xx, s.yy, s.xy].iter().zip(expected) {
+                        assert!((found - expected).abs() < 1e-9, "{kind} {law}: {s:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Cantilevers of one layer of elements under a force across that moves their ends by 0.7 of their length. In the plane a thin one,
+/// whose end is where the elastica's is: 0.71379 l and 0.38763 l for P l² / E I = 5 (Mattiasson, 1981). In space one of 20 × 0.4 × 1,
+/// whose end is where CalculiX 2.20 has it with `C3D8I`.
+#[test]
+fn a_cantilever_of_one_layer_bends_far() {
+    let large = "geometry = \"large\"\n";
+    let rest = |young: f64, nu: f64, traction: f64, third: &str| {
+        format!(
+            "[[material]]\nyoung = {young}\npoisson = {nu}\nincompatible_modes = true\n[[support]]\nboundary = \"left\"\n\
+             x = 0\ny = 0\n{third}[[traction]]\nboundary = \"right\"\ny = {traction}\n"
+        )
+    };
+    let thin = format!(
+        "[analysis]\nplane = \"plane_stress\"\n{large}[mesh.rectangle]\nsize = [20, 0.1]\ncells = [80, 1]\n{}",
+        rest(64e6, 0.0, 2000.0 / 3.0, "")
+    );
+    let thick = format!(
+        "[analysis]\n{large}[mesh.box]\nsize = [20, 0.4, 1]\ncells = [20, 1, 1]\n{}",
+        rest(1e6, 0.3, 500.0 / 3.0, "z = 0\n")
+    );
+    for path in PATHS {
+        let found = solved(&thin, path);
+        let ends = [0.0, 0.1].map(|y| found.at([20.0, y, 0.0]));
+        for (c, expected) in [-0.38763, 0.71379].into_iter().enumerate() {
+            let middle = 0.5 * (ends[0][c] + ends[1][c]);
+            assert!((middle / 20.0 - expected).abs() < 2e-4, "{ends:?}");
+        }
+        let found = solved(&thick, path);
+        for (y, expected) in [(0.0, [-7.507545, 14.34311]), (0.4, [-7.882229, 14.08310])] {
+            let u = found.at([20.0, y, 0.0]);
+            for (u, expected) in u.iter().zip(expected) {
+                assert!((u / expected - 1.0).abs() < 1e-5, "{u} {expected}");
+            }
+        }
     }
 }

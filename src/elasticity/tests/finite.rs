@@ -128,12 +128,34 @@ where
 
 const LAWS: [Hyperelastic; 2] = [Hyperelastic::StVenantKirchhoff, Hyperelastic::NeoHooke];
 
-fn material(law: Hyperelastic, poisson: f64) -> Material {
+fn material(law: Hyperelastic, poisson: f64, incompatible_modes: bool) -> Material {
     Material {
         law,
         expansion: 1e-3,
+        incompatible_modes,
         ..Material::new(2.0, poisson)
     }
+}
+
+/// Laws, Poisson's ratios, and whether elements of first order have incompatible modes: nearly incompressible ones are on the verge of
+/// buckling here, and differences are less accurate.
+fn cases(order: usize) -> impl Iterator<Item = (Hyperelastic, f64, bool)> {
+    let with = LAWS.into_iter().flat_map(|law| [(law, 0.3), (law, 0.48)]);
+    let with = with.flat_map(|(law, poisson)| [(law, poisson, false), (law, poisson, true)]);
+    with.filter(move |case| !case.2 || order == 1 && case.1 == 0.3)
+}
+
+/// The same mesh with elements of any shape, if wanted.
+fn bent<const D: usize>(mesh: &Mesh<D>, wanted: bool) -> Mesh<D>
+where
+    ElementKind: Topology<D>,
+{
+    let mut mesh = mesh.clone();
+    let by = noisy::<D>(mesh.nodes.len(), if wanted { 0.1 } else { 0.0 }, 99);
+    for (x, by) in mesh.nodes.iter_mut().zip(by) {
+        (0..D).for_each(|c| x[c] += by[c]);
+    }
+    mesh
 }
 
 #[test]
@@ -145,10 +167,10 @@ fn laws_of_the_plane() {
                 mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
             }
             for plane in [Plane::PlaneStrain, Plane::PlaneStress, Plane::Axisymmetric] {
-                for (law, poisson) in LAWS.into_iter().flat_map(|law| [(law, 0.3), (law, 0.48)]) {
+                for (law, poisson, modes) in cases(order) {
                     let body = Body {
-                        mesh: &mesh,
-                        materials: &[material(law, poisson)],
+                        mesh: &bent(&mesh, modes),
+                        materials: &[material(law, poisson, modes)],
                         plane,
                         thickness: if plane == Plane::Axisymmetric {
                             1.0
@@ -158,7 +180,7 @@ fn laws_of_the_plane() {
                     };
                     check(
                         &body,
-                        &format!("{shape:?} {order} {plane:?} {law:?} {poisson}"),
+                        &format!("{shape:?} {order} {plane:?} {law:?} {poisson} {modes}"),
                     );
                 }
             }
@@ -178,14 +200,17 @@ fn laws_of_space() {
             if order == 2 {
                 mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
             }
-            for (law, poisson) in LAWS.into_iter().flat_map(|law| [(law, 0.3), (law, 0.48)]) {
+            for (law, poisson, modes) in cases(order) {
                 let body = Body {
-                    mesh: &mesh,
-                    materials: &[material(law, poisson)],
+                    mesh: &bent(&mesh, modes),
+                    materials: &[material(law, poisson, modes)],
                     plane: Plane::PlaneStrain,
                     thickness: 1.0,
                 };
-                check(&body, &format!("{shape:?} {order} {law:?} {poisson}"));
+                check(
+                    &body,
+                    &format!("{shape:?} {order} {law:?} {poisson} {modes}"),
+                );
             }
         }
     }
@@ -207,7 +232,7 @@ fn known_stresses() {
         .map(|x| std::array::from_fn(|c| (stretch[c] - 1.0) * x[c]))
         .collect();
     for law in LAWS {
-        let material = material(law, 0.3);
+        let material = material(law, 0.3, true);
         let (lambda, mu) = material.lame(Plane::PlaneStrain);
         let body = Body {
             mesh: &mesh,
