@@ -168,10 +168,10 @@ impl<const D: usize> Translation<'_, '_, D> {
     fn volume(&mut self, target: &str, bits: &[u64; 7], line: usize, values: &[f64]) -> Result<()> {
         let [a, b] = [[1, 2, 3], [4, 5, 6]].map(|at| at.map(|at| f64::from_bits(bits[at])));
         let (size, factors) = factors(values);
-        let elements = self.loaded(line, target)?;
+        let all = self.loaded(line, target)?;
         let set_name = self.index.set_name(false, target);
         let mut parts: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-        for element in elements.iter().copied() {
+        for element in all.iter().copied() {
             if let Some(section) = self.section[element as usize] {
                 parts.entry(section).or_default().push(element);
             }
@@ -186,10 +186,10 @@ impl<const D: usize> Translation<'_, '_, D> {
                 continue;
             }
             // The region of the section, the named set, or a new one.
-            let of_section = self.regions.iter().find(|(_, _, all)| *all == elements);
+            let of_section = self.regions.iter().find(|region| region.2 == elements);
             let region = match (of_section, &set_name) {
                 (Some((_, name, _)), _) => name.clone(),
-                (None, Some(name)) if self.loaded(line, target)? == elements => name.clone(),
+                (None, Some(name)) if all == elements => name.clone(),
                 _ => self.name("load"),
             };
             self.index.add_region(&region, &elements);

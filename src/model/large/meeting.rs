@@ -16,8 +16,8 @@ use super::super::spring::Spring;
 use super::connected::Carried;
 use super::{Deformation, Moment};
 use crate::contact::{
-    ContactError, ContactPlace, Met, Obstacle, PairOptions, SlipBound, Space, are_excluded, areas,
-    crosses_itself, enclosed, frame, node_contact, shares,
+    ContactError, ContactPlace, Excluded, Met, Obstacle, PairOptions, SlipBound, Space,
+    are_excluded, areas, crosses_itself, enclosed, frame, node_contact, shares,
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
@@ -644,7 +644,7 @@ where
     }
 
     /// Whether nodes of the boundaries of a contact that have no places are inside the other bodies of the contact, deeper than a distance.
-    /// Nodes that are there at rest do not count, and excluded sides may pass through each other.
+    /// Nodes that are there at rest do not count, nor do those of facets that exclude facets of the other body.
     fn swallows(
         &self,
         moved: &Mesh<D>,
@@ -652,9 +652,6 @@ where
         data: &PairData<D>,
         deeper: f64,
     ) -> bool {
-        if !data.excluded.is_empty() {
-            return false;
-        }
         let sides = || data.facets.iter().chain(&data.others).map(facet_nodes);
         let mut nodes: BTreeSet<u32> = sides().flatten().copied().collect();
         for (node, _) in touches
@@ -666,10 +663,23 @@ where
         }
         let body_of = |node: u32| self.sliding.body_of[node as usize];
         let bodies: BTreeSet<u32> = sides().map(|nodes| body_of(nodes[0])).collect();
+        // The sides of exclusions that bodies and nodes are on.
+        let (mut of_bodies, mut of_nodes) = (BTreeSet::new(), Vec::new());
+        for (nodes, excluded) in sides().zip(&data.excluded) {
+            for &side in excluded {
+                of_bodies.insert((body_of(nodes[0]), side));
+                of_nodes.extend(nodes.iter().map(|&node| (node, side)));
+            }
+        }
         bodies.into_iter().any(|body| {
             let surface = &self.sliding.surfaces[body as usize];
+            let may_pass = |&&(_, (number, side)): &&(u32, Excluded)| {
+                of_bodies.contains(&(body, (number, !side)))
+            };
+            let passing: BTreeSet<u32> =
+                (of_nodes.iter().filter(may_pass)).map(|of| of.0).collect();
             let others: Vec<u32> = (nodes.iter().copied())
-                .filter(|&node| body_of(node) != body)
+                .filter(|node| body_of(*node) != body && !passing.contains(node))
                 .collect();
             let now = enclosed(moved, &others, surface, deeper);
             !now.is_empty() && enclosed(&self.mesh, &now, surface, deeper).len() < now.len()
