@@ -75,6 +75,9 @@ pub enum SlipBound {
 /// Between the 45° of a circle of eight facets and the 60° of a hexagon.
 pub const EDGE_ANGLE: f64 = 50.0;
 
+/// The nodes at the sides of a sector, each with the nodes at the other side, their weights, and the turn from there to here.
+pub type Seams<const D: usize> = HashMap<u32, Vec<(u32, f64, [[f64; D]; D])>>;
+
 /// The definition of a contact apart from its boundaries.
 #[derive(Clone, Copy)]
 pub struct PairOptions<'a, const D: usize = 2>
@@ -105,6 +108,8 @@ where
     /// For nodes on planes of symmetry, the normals of those planes. The averaged normals of a boundary are in these
     /// planes.
     pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
+    /// Of the nodes at the sides of sectors, where boundaries go on. Averaged normals include those there.
+    pub seams: Option<&'a Seams<D>>,
     /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
     pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
@@ -139,6 +144,7 @@ where
             stiffness: [None; 2],
             edge_angle: EDGE_ANGLE,
             symmetry: None,
+            seams: None,
             held: None,
             search_distance: None,
             moves: false,
@@ -189,6 +195,29 @@ where
     /// Whether a gap may be negative.
     fn may_overlap(&self) -> bool {
         self.interference.is_some() || self.overlap || self.touching || self.rest.is_some()
+    }
+
+    /// A unit normal at a node between those of the boundary here and where it goes on beyond the side of a sector; `at` has the
+    /// unit normals of a node, of which the nearest counts. Not where that would make a sharp edge.
+    fn across_seams(
+        &self,
+        normal: [f64; D],
+        node: u32,
+        at: impl Fn(u32) -> Vec<[f64; D]>,
+    ) -> [f64; D] {
+        let Some(beyond) = self.seams.and_then(|all| all.get(&node)) else {
+            return normal;
+        };
+        let least = self.edge_angle.to_radians().cos() - 1e-9;
+        let mut sum = normal;
+        for (other, weight, turn) in beyond {
+            let turned = at(*other).into_iter().map(|n| turn.map(|row| dot(row, n)));
+            let nearest = turned.max_by(|a, b| dot(*a, normal).total_cmp(&dot(*b, normal)));
+            if let Some(there) = nearest.filter(|there| dot(*there, normal) >= least) {
+                (0..D).for_each(|c| sum[c] += weight * there[c]);
+            }
+        }
+        unit(sum)
     }
 
     /// A unit normal of a boundary turned into all planes of symmetry that some nodes have in common, as if its mirror

@@ -513,6 +513,7 @@ where
             slip_bound: at.problem.bounds(&at.lambda).into_owned(),
             u,
             slip,
+            sizes: at.sets().sizes_in(&at.problem),
             sets: at.sets(),
             rounds: std::mem::take(&mut self.rounds),
             kkt: violation,

@@ -189,7 +189,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// Gives contact nodes Coulomb's law, or other coefficients than before: where μᵢ > 0 the slip bound is μᵢλν,i and the entry of
-    /// `slip_bound` is ignored. A node with an infinite μᵢ never slips while it is pressed.
+    /// `slip_bound` is ignored. A node with an infinite μᵢ never slips while it is pressed, and a tied node stays tied.
     ///
     /// # Errors
     /// If the length is not m (or 0: no Coulomb friction), or an entry is negative or not a number.
@@ -197,6 +197,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         if !mu.is_empty() {
             check::friction(&mut mu, self.m())?;
         }
+        self.without_friction_of_ties(&mut mu);
         self.case.friction = match mu.iter().all(|&mu| mu == 0.0) {
             true => Arc::default(),
             false => Arc::new(mu),
@@ -253,7 +254,17 @@ impl<const D: usize, K> ContactProblem<D, K> {
         bounds
             .filter(|(_, tied)| **tied)
             .for_each(|(bound, _)| *bound = TIED);
+        let mut mu = self.friction_coefficient().to_vec();
+        self.without_friction_of_ties(&mut mu);
+        self.case.friction = Arc::new(mu);
         Ok(self)
+    }
+
+    /// Coefficients of friction without those of tied nodes, which they would untie.
+    fn without_friction_of_ties(&self, mu: &mut [f64]) {
+        let of_nodes = mu.iter_mut().enumerate();
+        let of_ties = of_nodes.filter(|(i, _)| self.case.slip_bound[*i] == TIED);
+        of_ties.for_each(|(_, mu)| *mu = 0.0);
     }
 
     /// Another load f, one entry per row of K.

@@ -16,8 +16,8 @@ use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
 use crate::sparse::norm;
 use crate::ssnm::{
-    self, Cause, Info, RecycledSubspace, Sets, SettingsError, Solution, SolveError, Status, Step,
-    WarmStart,
+    self, Cause, Info, RecycledSubspace, SetSizes, Sets, SettingsError, Solution, SolveError,
+    Status, Step, WarmStart,
 };
 use springs::{MORE, OnSprings, STIFFER, Springs, WEAK};
 use std::ops::ControlFlow;
@@ -155,6 +155,8 @@ pub struct StepSolution<const D: usize = 2> {
     pub slip: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
+    /// Their sizes under the law of this step.
+    pub sizes: SetSizes,
     /// One solve, or several under Coulomb's law.
     pub rounds: Vec<Round>,
     /// The optimality conditions at the end.
@@ -510,6 +512,7 @@ impl<'a, const D: usize> Process<'a, D> {
             status: solution.status,
             slip_bound: self.lawful.bounds(&solution.lambda).into_owned(),
             slip,
+            sizes: solution.sets.sizes_in(&self.lawful),
             sets: solution.sets,
             kkt: solution.info.kkt,
             not_held,

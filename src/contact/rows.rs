@@ -18,6 +18,9 @@ type Entry = (usize, f64);
 /// The contribution of a prescribed displacement to a row: node, component, factor.
 type Held = (u32, usize, f64);
 
+/// The cosine of the angle between normals of obstacles above which they count as one.
+const SAME_WAY: f64 = 1.0 - 1e-9;
+
 /// If supports leave less than this part of a sliding free, it counts as none.
 const KEPT: f64 = 0.25;
 
@@ -74,6 +77,11 @@ where
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     // The motions that supports prescribe along the tangents of nodes that cannot slide there.
     let mut kept = Vec::new();
+    let mut normals: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
+    for place in candidates.iter().filter(|place| is_on_obstacle(place)) {
+        let of_node = normals.entry(place.own[0].0).or_default();
+        of_node.push(place.frame[0]);
+    }
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate.terms(0));
         // On an obstacle a place moves with its node, unless the obstacle moves; its other nodes, if any, only weight the prescribed
@@ -97,7 +105,15 @@ where
         tie(0, &entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
-        let place = turned(candidate, unknowns);
+        let mut place = turned(candidate, unknowns);
+        if is_on_obstacle(&place) && place.directed.is_empty() && place.frame == candidate.frame {
+            // The first tangent is along the edge of two obstacles.
+            let others = normals[&place.own[0].0].iter();
+            let mut across = others.filter(|other| dot(**other, place.frame[0]).abs() < SAME_WAY);
+            if let (Some(way), None) = (across.next(), across.next()) {
+                turn_tangents(&mut place.frame, &way.map(|c| way.map(|d| c * d)));
+            }
+        }
         for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
             let (entries, motion) = row(unknowns, place.terms(a));
             tie(a, &entries, &motion);
@@ -169,39 +185,48 @@ where
     })
 }
 
+/// Whether a place is one of a node on a rigid obstacle. An obstacle that moves with a point has its own unknowns.
+fn is_on_obstacle<const D: usize>(place: &ContactPlace<D>) -> bool {
+    let is_alone = place.partners.is_empty() && place.further.is_empty();
+    is_alone && place.slip_bound != SlipBound::Tied
+}
+
 /// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
-/// earlier rows. A compliant row may depend on any: A + C is still definite.
+/// earlier rows. A compliant row may depend on any: A + C is still definite. Where an obstacle is nearer than the others it keeps its
+/// friction: those may never be reached.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
-    // An obstacle that moves with a point has its own unknowns.
-    let on_obstacles = |place: &&ContactPlace<D>| {
-        let is_alone = place.partners.is_empty() && place.further.is_empty();
-        is_alone && place.slip_bound != SlipBound::Tied
-    };
-    let mut times: HashMap<u32, usize> = HashMap::new();
-    for place in places.iter().filter(on_obstacles) {
-        *times.entry(place.own[0].0).or_default() += 1;
+    /// The difference of gaps that decides, in parts of the coordinates: more than their rounding.
+    const NEARER: f64 = 1e-9;
+    let mut gaps: HashMap<u32, Vec<f64>> = HashMap::new();
+    for place in places.iter().filter(|place| is_on_obstacle(place)) {
+        gaps.entry(place.own[0].0).or_default().push(place.gap);
     }
     let mut independent = Independent::<D>::default();
     // Its own unknowns belong to no other row of its kind.
     let own = |place: &ContactPlace<D>| {
         let node = place.own[0].0;
-        unknowns.block(node).filter(|_| times[&node] == 1)
+        unknowns.block(node).filter(|_| gaps[&node].len() == 1)
+    };
+    let is_nearest = |place: &ContactPlace<D>| {
+        let near = place.gap + NEARER * length(place.place);
+        let as_near = gaps[&place.own[0].0].iter().filter(|gap| **gap <= near);
+        as_near.count() == 1
     };
     for (row, place) in rows[0].iter().zip(places) {
-        let is_hard = on_obstacles(&place) && place.compliance[0] == 0.0;
+        let is_hard = is_on_obstacle(place) && place.compliance[0] == 0.0;
         if is_hard && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
     for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
-        let is_hard = on_obstacles(&place) && place.compliance[1] == 0.0;
+        let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
         for row in rows.iter_mut().filter(|_| is_hard) {
-            if !row.is_empty() && !independent.add(row, own(place)) {
+            if !row.is_empty() && !independent.add(row, own(place)) && !is_nearest(place) {
                 row.clear();
             }
         }

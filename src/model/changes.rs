@@ -14,10 +14,8 @@ use serde::{Deserialize, Serialize};
 /// The law of the rows of contact in a load step, where a model changes it from step to step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
-    /// Given slip bounds of the step, m; infinite where a place is tied.
-    pub(crate) slip_bound: Vec<f64>,
-    /// μ of the step, m.
-    pub(crate) coefficient: Vec<f64>,
+    /// By how much the slip bound or μ of each row is multiplied, m; 0 where it does not act.
+    pub(crate) friction: Vec<f64>,
     /// The rows that do not act.
     pub(crate) idle: Vec<usize>,
     /// Rows of ties that have begun to act after the beginning, each with the amount by which supports move its sides
@@ -26,6 +24,16 @@ pub struct Changes {
 }
 
 impl Changes {
+    /// Slip bounds or coefficients of friction of this step, from those of the problem.
+    pub(crate) fn of_step(&self, values: &[f64]) -> Vec<f64> {
+        let of_row = |(&value, &factor): (&f64, &f64)| match factor {
+            // Also of an infinite bound.
+            0.0 => 0.0,
+            factor => factor * value,
+        };
+        values.iter().zip(&self.friction).map(of_row).collect()
+    }
+
     /// Whether a row acts.
     pub fn acts(&self, row: usize) -> bool {
         self.idle.binary_search(&row).is_err()
@@ -55,8 +63,7 @@ where
             return Ok(None);
         }
         let mut made = Changes {
-            slip_bound: contact.slip_bound.clone(),
-            coefficient: contact.coefficient.clone(),
+            friction: vec![1.0; pair_of.len()],
             idle: Vec::new(),
             bonded: Vec::new(),
         };
@@ -72,18 +79,16 @@ where
             let Some(pair) = pairs.get(number as usize) else {
                 continue;
             };
-            let factor = pair.friction_factor(step);
             if !pair.acts(step) {
                 idle.push(row);
             } else if !pair.is_tie() {
-                made.slip_bound[row] *= factor;
-                made.coefficient[row] *= factor;
+                made.friction[row] = pair.friction_factor(step);
             } else if is_late(pair) {
                 late.push(row);
             }
         }
         for &row in &idle {
-            (made.slip_bound[row], made.coefficient[row]) = (0.0, 0.0);
+            made.friction[row] = 0.0;
         }
         made.idle = idle;
         if !late.is_empty() {

@@ -10,15 +10,16 @@ use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Excluded, Itself, Met, Obstacle,
-    PairOptions, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact,
+    PairOptions, Seams, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact,
     obstacle_contact, walls,
 };
 use crate::elasticity::{Body, Field, Unknowns};
-use crate::mesh::vector::{length, minus};
+use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{
     ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
     unsided,
 };
+use crate::problem::UNREACHABLE;
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -274,12 +275,48 @@ where
     symmetry: Directions<D>,
     /// The directions along which nodes are held.
     pub(super) held: Directions<D>,
+    /// Where contacts go on beyond the sides of sectors.
+    pub(super) seams: Seams<D>,
     /// The body of each node.
     pub(super) body_of: Vec<u32>,
     /// The surfaces of the bodies, where displacements are large.
     pub(super) surfaces: Vec<Vec<Facet<D>>>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
+}
+
+/// The directions along which nodes of a tie are held, with those of its first side only where near nodes of the other side are held along
+/// them as well: where one side is held, the other one follows it. Each side has the directions of its nodes.
+pub(super) fn held_on_both<const D: usize>(
+    mesh: &Mesh<D>,
+    [facets, others]: [&[Facet<D>]; 2],
+    [of_first, of_other]: [&Directions<D>; 2],
+) -> Directions<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The cosine of an angle between directions above which they count as one, as [`SAME`].
+    const SAME_WAY: f64 = 1.0 - 1e-9;
+    let size = largest_facet(mesh, facets);
+    let there = others.iter().flat_map(facet_nodes);
+    let near: Vec<(u32, &Vec<[f64; D]>)> = there
+        .filter_map(|node| Some((*node, of_other.get(node)?)))
+        .collect();
+    let is_held = |x: [f64; D], way: &[f64; D]| {
+        near.iter().any(|(node, ways)| {
+            length(minus(mesh.nodes[*node as usize], x)) <= size
+                && ways.iter().any(|other| dot(*other, *way).abs() > SAME_WAY)
+        })
+    };
+    let mut held = of_other.clone();
+    for &node in facets.iter().flat_map(facet_nodes) {
+        if let Some(ways) = of_first.get(&node) {
+            let x = mesh.nodes[node as usize];
+            let ways = ways.iter().copied().filter(|way| is_held(x, way));
+            held.insert(node, ways.collect());
+        }
+    }
+    held
 }
 
 /// The surface of each body.
@@ -412,6 +449,7 @@ where
         };
         let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
         let mut behind = Vec::new();
+        let held;
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
@@ -449,6 +487,10 @@ where
                 } else if !self.is_tie() && have_common_body(&sliding.body_of, [&facets, &others]) {
                     let both = [&facets[..], &others].concat();
                     behind = walls(body, &both, distance, &options).map_err(Fault::Contact)?;
+                }
+                if self.is_tie() {
+                    held = held_on_both(body.mesh, [&facets, &others], [&sliding.held; 2]);
+                    options.held = Some(&held);
                 }
                 options.walls = &behind;
                 let found = match self.is_by_nodes() {
@@ -549,6 +591,7 @@ where
             ],
             edge_angle: self.edge_angle.unwrap_or(EDGE_ANGLE),
             symmetry: Some(&sliding.symmetry),
+            seams: (!sliding.seams.is_empty()).then_some(&sliding.seams),
             held: Some(&sliding.held),
             ..PairOptions::default()
         }
@@ -679,6 +722,29 @@ where
         Ok(held)
     }
 
+    /// Where the boundaries of contacts go on beyond the sides of sectors.
+    fn seams(&self, mesh: &Mesh<D>) -> Result<Seams<D>, ModelError> {
+        let mut seams = Seams::new();
+        let mut nodes = HashSet::new();
+        for (i, pair) in self.pairs.iter().enumerate() {
+            let of_pair = [Some(pair.side()), pair.meets().boundary()];
+            for names in of_pair
+                .into_iter()
+                .flatten()
+                .filter(|_| !self.cyclics.is_empty())
+            {
+                let facets = outer_facets(mesh, names.all());
+                let facets = facets.map_err(|fault| pair.entity(i).error(fault))?;
+                nodes.extend(facets.iter().flat_map(facet_nodes));
+            }
+        }
+        for (i, cyclic) in self.cyclics.iter().enumerate() {
+            let found = cyclic.seams(mesh, &nodes, &mut seams);
+            found.map_err(|fault| cyclic.entity(i).error(fault))?;
+        }
+        Ok(seams)
+    }
+
     /// The contact places of all contacts.
     pub(super) fn candidates(
         &self,
@@ -690,6 +756,7 @@ where
         let sliding = Sliding {
             symmetry: self.symmetry_planes(body.mesh)?,
             held: self.held_directions(body.mesh, unknowns)?,
+            seams: self.seams(body.mesh)?,
             surfaces: match self.is_large() {
                 true => surfaces(body.mesh, count, &body_of),
                 false => Vec::new(),
@@ -700,8 +767,14 @@ where
         let (mut places_of_all, mut pair_of, mut data_of_all) =
             (Vec::new(), Vec::new(), Vec::new());
         let all = self.pairs.iter().chain(&self.ties);
-        let pairs = (all.clone())
-            .map(|pair| pair.find(body, &units, &sliding, self.is_large(), all.clone()));
+        let pairs = (all.clone()).map(|pair| {
+            let mut found = pair.find(body, &units, &sliding, self.is_large(), all.clone())?;
+            if !(0..self.n_steps()).any(|step| pair.acts(step)) {
+                let places = found.0.iter_mut();
+                places.for_each(|place| place.gap = UNREACHABLE);
+            }
+            Ok(found)
+        });
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         let preloads = self.preloads.iter().zip(&self.sections);

@@ -5,22 +5,22 @@
 //! with turned displacements.
 
 use super::axis::Axis;
-use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, largest_facet};
+use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, held_on_both, largest_facet};
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
 use super::error::{EntityKind, Fault};
 use super::loads::outer_facets;
 use super::stated::Flaw;
-use crate::contact::{ContactError, ContactPlace, Friction, PairOptions, Space, mortar_contact};
+use crate::contact::{
+    ContactError, ContactPlace, Friction, PairOptions, Seams, Space, mortar_contact,
+};
 use crate::elasticity::Body;
 use crate::mesh::structured::join;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Mesh, nodes_of_facets};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
+use std::collections::HashSet;
 use std::f64::consts::TAU;
-
-/// The cosine of an angle between directions above which they count as one, as [`super::supports::SAME`].
-const SAME_WAY: f64 = 1.0 - 1e-9;
 
 /// Both sides of a sector, one of several equal ones about an axis. Bodies, loads, supports and contacts are those of one sector.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -101,22 +101,7 @@ where
             let text = "all sectors have more nodes than a file can number: leave out whole";
             return Err(Fault::Stated(text.to_owned()));
         }
-        let low = outer_facets(body.mesh, self.low.all())?;
-        let high = outer_facets(body.mesh, self.high.all())?;
-        // Which side is first about the axis, the mesh tells.
-        let middle = |facets: &[Facet<D>]| {
-            let part = (facets.len() as f64).recip();
-            let sum = facets.iter().map(|facet| body.mesh.facet_middle(facet));
-            sum.fold([0.0; D], |sum, x| from_fn(|c| sum[c] + part * x[c]))
-        };
-        let [from, to] = [&low, &high].map(|facets| middle(facets));
-        let whole = TAU / f64::from(self.sectors);
-        let off = |angle: f64| length(minus(self.axis.turned(from, angle), to));
-        let angle = if off(whole) <= off(-whole) {
-            whole
-        } else {
-            -whole
-        };
+        let ([low, high], angle) = self.sides(body.mesh)?;
         let found = self.tied(body, [&low, &high], held, angle);
         let places = found.map_err(|error| match error {
             ContactError::Apart { nearest, .. } => Fault::Stated(format!(
@@ -137,6 +122,88 @@ where
             )
         };
         Ok((places, data))
+    }
+
+    /// The facets of its sides, low and high, and the angle from one to the other.
+    fn sides(&self, mesh: &Mesh<D>) -> Result<([Vec<Facet<D>>; 2], f64), Fault> {
+        let low = outer_facets(mesh, self.low.all())?;
+        let high = outer_facets(mesh, self.high.all())?;
+        // Which side is first about the axis, the mesh tells.
+        let middle = |facets: &[Facet<D>]| {
+            let part = (facets.len() as f64).recip();
+            let sum = facets.iter().map(|facet| mesh.facet_middle(facet));
+            sum.fold([0.0; D], |sum, x| from_fn(|c| sum[c] + part * x[c]))
+        };
+        let [from, to] = [&low, &high].map(|facets| middle(facets));
+        let whole = TAU / f64::from(self.sectors);
+        let off = |angle: f64| length(minus(self.axis.turned(from, angle), to));
+        let angle = if off(whole) <= off(-whole) {
+            whole
+        } else {
+            -whole
+        };
+        Ok(([low, high], angle))
+    }
+
+    /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes at the
+    /// other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself.
+    pub(super) fn seams(
+        &self,
+        mesh: &Mesh<D>,
+        nodes: &HashSet<u32>,
+        seams: &mut Seams<D>,
+    ) -> Result<(), Fault> {
+        /// The distance at which two nodes count as one, in the largest facet.
+        const ONE: f64 = 1e-6;
+        let (sides, angle) = self.sides(mesh)?;
+        let sizes = sides.each_ref().map(|facets| largest_facet(mesh, facets));
+        let size = sizes[0].max(sizes[1]);
+        let on_sides = sides.map(|facets| {
+            let mut on_side = nodes_of_facets(&facets);
+            on_side.retain(|node| nodes.contains(node));
+            on_side
+        });
+        let turn = |angle: f64| -> [[f64; D]; D] {
+            let start = self.axis.turned([0.0; D], angle);
+            let columns: [[f64; D]; D] = from_fn(|c| {
+                let way = from_fn(|d| f64::from(u8::from(c == d)));
+                minus(self.axis.turned(way, angle), start)
+            });
+            from_fn(|r| from_fn(|c| columns[c][r]))
+        };
+        let ways = [
+            (&on_sides[0], &on_sides[1], angle),
+            (&on_sides[1], &on_sides[0], -angle),
+        ];
+        for (here, there, angle) in ways {
+            for &node in here {
+                let x = self.axis.turned(mesh.nodes[node as usize], angle);
+                let mut near: Vec<(f64, u32)> = (there.iter())
+                    .map(|&other| (length(minus(mesh.nodes[other as usize], x)), other))
+                    .filter(|other| other.0 <= size)
+                    .collect();
+                near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                let beyond = match near[..] {
+                    [(off, other), ..] if off <= ONE * size && other == node => {
+                        let sectors = 1..self.sectors;
+                        let turned = |k| (node, 1.0, turn(f64::from(k) * angle));
+                        sectors.map(turned).collect()
+                    }
+                    [(off, other), (far, _), ..] if off <= ONE * far => {
+                        vec![(other, 1.0, turn(-angle))]
+                    }
+                    [one, two, ..] => {
+                        let part = one.0 / (one.0 + two.0);
+                        let back = turn(-angle);
+                        vec![(one.1, 1.0 - part, back), (two.1, part, back)]
+                    }
+                    [(_, other)] => vec![(other, 1.0, turn(-angle))],
+                    [] => continue,
+                };
+                seams.insert(node, beyond);
+            }
+        }
+        Ok(())
     }
 
     /// The places of `high` tied to `low` after a turn by an angle.
@@ -172,25 +239,8 @@ where
         });
         let of_copy: Directions<D> = of_copy.collect();
         let size = largest_facet(body.mesh, high);
-        // Where only one side is held, the other one follows it.
-        let opposite_nodes = opposite.iter().flat_map(facet_nodes);
-        let near: Vec<(u32, &Vec<[f64; D]>)> = opposite_nodes
-            .filter_map(|node| Some((*node, of_copy.get(node)?)))
-            .collect();
-        let is_held = |x: [f64; D], way: &[f64; D]| {
-            near.iter().any(|(node, ways)| {
-                length(minus(both.nodes[*node as usize], x)) <= size
-                    && ways.iter().any(|other| dot(*other, *way).abs() > SAME_WAY)
-            })
-        };
-        let mut held = of_copy.clone();
-        for &node in high.iter().flat_map(facet_nodes) {
-            if let Some(ways) = of_mesh.get(&node) {
-                let x = both.nodes[node as usize];
-                let ways = ways.iter().copied().filter(|way| is_held(x, way));
-                held.insert(node, ways.collect());
-            }
-        }
+        let mut held = held_on_both(&both, [high, &opposite], [of_mesh, &of_copy]);
+        held.extend(of_copy);
         let options = PairOptions {
             friction: Friction::Tied,
             gap: Some(&|_| 0.0),

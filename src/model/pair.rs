@@ -59,6 +59,15 @@ pub(super) enum Against<'p, const D: usize> {
     Obstacle(&'p Obstacle<D>),
 }
 
+impl<'p, const D: usize> Against<'p, D> {
+    pub(super) fn boundary(&self) -> Option<&'p Names> {
+        match self {
+            Self::Boundary(names) => Some(names),
+            Self::Obstacle(_) => None,
+        }
+    }
+}
+
 /// The law of friction of a contact.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -143,7 +143,6 @@ where
             _ => format!("-{:03}", solved.number),
         };
         let problem = self.problem.clone();
-        let sets = solution.sets.sizes_in(&problem);
         match (self.bodies.clone(), solved.data) {
             (Some(bodies), Some(data)) => {
                 let mut of = self.fields(&bodies, data, solution)?;
@@ -154,8 +153,7 @@ where
                     let contacts = self.report.contacts(&of, solution, &apart);
                     let load = Some((data.factor, data.total_load.to_vec()));
                     let name = |body: usize| bodies.received.common.bodies[body].name.clone();
-                    self.report
-                        .push(solution, load, contacts, balance, sets, name);
+                    self.report.push(solution, load, contacts, balance, name);
                 }
                 self.write_fields(&bodies, &of, &step)?;
             }
@@ -166,7 +164,7 @@ where
                     format!("the body around ({})", centre.join(", "))
                 };
                 self.report
-                    .push(solution, None, Vec::new(), Balance::default(), sets, name);
+                    .push(solution, None, Vec::new(), Balance::default(), name);
                 self.write_vectors(solution)?;
             }
         }

@@ -136,9 +136,8 @@ where
         let bounds: Vec<f64> = bounds
             .map(|(&g, &tied)| if tied { 0.0 } else { g })
             .collect();
-        let has_friction = |i: usize| match changes {
-            None => problem.has_friction(i),
-            Some(changes) => changes.slip_bound[i] > 0.0 || changes.coefficient[i] > 0.0,
+        let has_friction = |i: usize| {
+            problem.has_friction(i) && changes.is_none_or(|changes| changes.friction[i] > 0.0)
         };
         let bound = per_area(&pooled(&bounds), &areas, 1.0);
         let status = |i: usize| {

@@ -314,9 +314,8 @@ impl Report {
             None => Default::default(),
         };
         let load = of_bodies.map(|of| (of.data.factor, of.data.total_load.to_vec()));
-        let sets = solution.sets.sizes_in(analysis.problem);
         let body_name = |body| analysis.body_name(body);
-        self.push(solution, load, contacts, balance, sets, body_name);
+        self.push(solution, load, contacts, balance, body_name);
         let made = self.steps.last_mut().expect("just pushed");
         if of_bodies.is_some_and(|of| of.elastic.is_large()) {
             made.iterations = Some(std::mem::replace(&mut made.rounds, 1));
@@ -361,7 +360,6 @@ impl Report {
         load: Option<(f64, Vec<f64>)>,
         contacts: Vec<ContactReport>,
         (supports, energy): Balance,
-        sets: SetSizes,
         body_name: impl Fn(usize) -> String,
     ) {
         let last = solution.last();
@@ -369,7 +367,7 @@ impl Report {
         self.err_relative = last.info.err_relative;
         self.rho = last.info.rho;
         self.sigma_max = last.info.sigma_max;
-        self.sets = sets;
+        self.sets = solution.sizes;
         self.kkt = solution.kkt;
         self.add_rounds(&solution.rounds);
         self.steps.push(StepReport {
@@ -388,7 +386,7 @@ impl Report {
             parts: None,
             iter: solution.iter(),
             n_a: solution.n_a(),
-            sets,
+            sets: solution.sizes,
             kkt: solution.kkt,
             total_load: load.map(|load| load.1),
             contacts,

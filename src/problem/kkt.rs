@@ -3,7 +3,7 @@
 //! Violations are relative to the present problem, not to rigid-body displacements nor to an earlier, larger load:
 //!
 //! - lengths to the largest deformation, which is u without the mean rigid-body motion of each connected body; or, if
-//!   larger, to the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ);
+//!   larger, to the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ, of λᵢ what arrives at the node);
 //! - forces to the acting ones: the larger of ‖f‖ (without the contribution of prescribed displacements) and ‖Bᵀλ‖.
 //!
 //! A difference within the rounding of its terms (32 units in the last place) counts as zero: f64 resolves nothing smaller. Each
@@ -259,16 +259,38 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// The scales of violations at (u, λ).
     pub(crate) fn scales(&self, u: &[f64], lambda: &[f64]) -> Scales {
         let deformation = self.deformation(u);
-        let times = |compliance: &[f64]| -> Vec<f64> {
-            let each = compliance.iter().zip(lambda);
-            each.map(|(c, l)| c * l).collect()
-        };
-        let own = times(self.compliance());
+        let own = self.own_effects(lambda);
         Scales {
             length: self.ranks().norm_max(&deformation).max(norm_max(&own)),
             deformation: self.ranks().norm(&deformation).max(norm(&own)),
             force: self.acting_forces(lambda),
         }
+    }
+
+    /// The effect of the force of each row on its own node alone, (Σ Bᵢⱼ²/Kⱼⱼ) λᵢ without what forces of other rows take back at the same
+    /// unknowns, and Cᵢᵢ λᵢ. Where constraints contradict each other, forces grow without end and cancel at their nodes: they must not
+    /// hide the contradiction.
+    fn own_effects(&self, lambda: &[f64]) -> Vec<f64> {
+        let rows = self.contact_matrix();
+        let mut forces = vec![0.0; rows.n_cols()];
+        rows.mul_transpose_add(1.0, lambda, &mut forces);
+        let along = self.times(rows, &forces);
+        let mut sizes = vec![0.0; lambda.len()];
+        rows.triplets().for_each(|(i, _, v)| sizes[i] += v * v);
+        self.ranks().sum(&mut sizes);
+        let soft = self.contact_compliance();
+        (0..lambda.len())
+            .map(|i| {
+                let (force, soft) = (lambda[i].abs(), soft.get(i).unwrap_or(&0.0));
+                // A row without entries moves nothing.
+                let reaching = if sizes[i] > 0.0 {
+                    (along[i] / sizes[i]).abs().min(force)
+                } else {
+                    0.0
+                };
+                (self.compliance()[i] - soft) * reaching + soft * force
+            })
+            .collect()
     }
 
     /// u without the mean rigid motion of each connected part of K; u itself without coordinates.

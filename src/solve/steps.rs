@@ -62,7 +62,8 @@ impl<const D: usize> Changed<D> {
                 load.gap[row] = closed[row] - moved;
             }
         }
-        let (bound, friction) = (changes.slip_bound.clone(), changes.coefficient.clone());
+        let [bound, friction] =
+            [problem.slip_bound(), problem.friction_coefficient()].map(|all| changes.of_step(all));
         Self {
             problem: problem.under_law(bound, friction),
             load,

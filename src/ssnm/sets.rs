@@ -190,7 +190,7 @@ impl<const D: usize> Sets<D> {
         self.0[i].slip.is_some()
     }
 
-    /// The sizes in a problem.
+    /// The sizes under the law of a problem.
     pub fn sizes_in<K>(&self, problem: &ContactProblem<D, K>) -> SetSizes {
         let mut sizes = self.sizes(|i| problem.has_friction(i));
         sizes.tied = (0..self.0.len()).filter(|&i| problem.is_tied(i)).count();

@@ -354,3 +354,40 @@ fn large_displacements_know_the_same_changes() {
         "{error}"
     );
 }
+
+/// The friction of a solve is that of its problem, also where something changes between load steps, and it unties nothing.
+#[test]
+fn friction_of_a_problem_counts_in_all_steps() {
+    let model = |mu: f64, changes: bool| {
+        let floor = Pair::obstacle("low-bottom", FLOOR).coulomb(mu);
+        let floor = if changes {
+            floor.friction_factors([1.0, 1.0])
+        } else {
+            floor
+        };
+        Model::on(stacked(1.0, [8, 4]))
+            .material(Material::new(YOUNG, 0.3))
+            .traction(Traction::on("up-top").x(3e5).y(-1e6))
+            .contact(floor)
+            .tie(Pair::tied("up-bottom", "low-top"))
+            .support(Support::on("up-top").x(1e-3).factors([0.5, 1.0]))
+            .steps([1.0, 1.0])
+    };
+    let settings = on_the_cpu(1e-10, Stiffness::Cholesky);
+    let expected = model(0.5, false).build().or_panic();
+    let expected = expected.solve(&settings).or_panic();
+    for changes in [false, true] {
+        let mut built = model(0.2, changes).build().or_panic();
+        let m = built.problem.m();
+        built.problem = built
+            .problem
+            .with_friction_coefficient(vec![0.5; m])
+            .or_panic();
+        let found = built.solve(&settings).or_panic();
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!(found.status, Status::Converged);
+            let off = distance(&found.u, &expected.u);
+            assert!(off < 1e-9, "{changes}: {off}");
+        }
+    }
+}

@@ -1,6 +1,12 @@
 //! Valid pairs of contact: supports that drive contact nodes, corners, lists of boundaries, distances.
 
+use crate::common::models::answer;
 use crate::common::{Solved, case, solve_case_twice};
+use signorini::contact::Obstacle;
+use signorini::elasticity::Material;
+use signorini::engine::Stiffness;
+use signorini::mesh::structured::{self, SolidShape};
+use signorini::model::{Model, Pair, Support};
 use signorini::output::NodeStatus;
 
 const ROCK: &str = "[[material]]\nyoung = 1e9\npoisson = 0.3\n";
@@ -435,5 +441,69 @@ fn slender_bodies_are_solved() {
         assert!((tip / (0.4 * bending) - 1.0).abs() < 1e-6, "{tip}");
         let kkt = solved.solution().kkt;
         assert!(kkt.max() < 1e-5, "{kkt:?}");
+    }
+}
+
+/// A block that is drawn over a floor has all of its friction, beside a wall that it does not reach, that does not act, or that is
+/// infinitely far.
+#[test]
+fn walls_out_of_reach_take_no_friction() {
+    for (x, rest, cells) in [
+        (-0.5, "", 4),
+        (-50.0, "", 1),
+        (0.0, "active = [0]\n", 4),
+        (0.0, "gap = inf\n", 1),
+    ] {
+        let text = format!(
+            "[mesh.rectangle]\nsize = [2, 1]\ncells = [{cells}, 2]\n[[material]]\nyoung = 1e5\npoisson = 0\n\
+             [steps]\nfactors = [1]\n[[support]]\nboundary = \"top\"\nx = 0.02\ny = -0.001\n\
+             [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 0.3 }}\n\
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n\
+             [[contact]]\nboundary = \"left\"\n{rest}\
+             obstacle = {{ half_plane = {{ point = [{x}, 0], normal = [1, 0] }} }}\n"
+        );
+        let [along, across] = resultant(&run(&text));
+        assert!((along + 60.0).abs() < 1e-5, "{x} {rest}: {along}");
+        assert!((across - 200.0).abs() < 1e-5, "{x} {rest}: {across}");
+    }
+}
+
+/// In space, where both obstacles touch an edge, friction acts along it, however the scene is turned: a cube that is pressed into a groove
+/// of a floor and a smooth wall is drawn along it.
+#[test]
+fn friction_in_a_groove_is_along_it() {
+    for angle in [0.0_f64, 0.3, 0.785] {
+        let (sin, cos) = angle.sin_cos();
+        let mut mesh = structured::block(
+            [0.0; 3],
+            [1.0; 3],
+            [2, 2, 2],
+            SolidShape::Hexahedron,
+            "cube",
+            "",
+        );
+        mesh.place_nodes(|[x, y, z]| [cos * x - sin * y, sin * x + cos * y, z]);
+        let half_space = |normal: [f64; 3]| Obstacle::HalfSpace {
+            point: [0.0; 3],
+            normal,
+        };
+        let drawn = [0.0, 2e-2];
+        let model = Model::on(mesh)
+            .material(Material::new(1e5, 0.0))
+            .support(
+                Support::on("top")
+                    .x(cos * drawn[0] - sin * drawn[1])
+                    .y(sin * drawn[0] + cos * drawn[1])
+                    .z(-1e-3),
+            )
+            .contact(Pair::obstacle("left", half_space([cos, sin, 0.0])))
+            .contact(Pair::obstacle("bottom", half_space([0.0, 0.0, 1.0])).coulomb(0.3));
+        let found = answer(model, 1e-9, Stiffness::Cholesky);
+        let floor = &found.report().contacts[1];
+        let along = -sin * floor.force[0] + cos * floor.force[1];
+        let across = cos * floor.force[0] + sin * floor.force[1];
+        let limit = 0.3 * floor.normal_force;
+        assert!((along + limit).abs() < 1e-6 * limit, "{angle}: {floor:?}");
+        assert!(across.abs() < 1e-6 * limit, "{angle}: {floor:?}");
     }
 }

@@ -3,12 +3,12 @@
 use crate::common::apart;
 use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
-use signorini::contact::Space;
+use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Coupling, Model, Pair, Support, Traction};
+use signorini::model::{Coupling, Equation, Model, Pair, Support, Traction};
 use signorini::output::ContactReport;
 use signorini::ssnm::Status;
 
@@ -422,6 +422,44 @@ fn a_rigid_plate_is_pressed_on_columns() {
             }
             let moved = motion(&report.contacts[3]);
             assert!(apart(&moved, &[0.0, -down, 0.0]) < 1e-8 * down, "{moved:?}");
+        }
+    }
+}
+
+/// Constraints that contradict each other have no answer, whatever forces cancel at their nodes.
+#[test]
+fn contradictions_do_not_converge() {
+    let mesh = rectangle([0.0; 2], [1.0, 4.0], [4, 16], CellShape::Quad, "bar", "");
+    let model = || {
+        Model::on(mesh.clone())
+            .material(Material::new(1e5, 0.3))
+            .support(Support::on("bottom").fixed())
+    };
+    let floor = Obstacle::HalfSpace {
+        point: [0.0, 0.0],
+        normal: [0.0, 1.0],
+    };
+    let turned = || Coupling::on("top", [0.5, 4.0]).turned(2, 0.01);
+    let level = Equation::of(0.0).point([1.0, 4.0], [0.0, 1.0]);
+    let level = level.point([0.0, 4.0], [0.0, -1.0]);
+    let pressed = Model::on(mesh.clone())
+        .material(Material::new(1e5, 0.3))
+        .support(Support::on("top").fixed())
+        .coupling(
+            Coupling::on("bottom", [0.5, 0.0])
+                .moved(0, 0.0)
+                .moved(1, -1e-3)
+                .turned(2, 0.0),
+        )
+        .contact(Pair::obstacle("bottom", floor));
+    for model in [model().coupling(turned()).equation(level), pressed] {
+        for path in [Stiffness::Cholesky, Stiffness::Pcg] {
+            let steps = model
+                .clone()
+                .build()
+                .map(|built| built.solve(&on_the_cpu(1e-6, path)));
+            let converged = matches!(steps, Ok(Ok(steps)) if steps[0].status == Status::Converged);
+            assert!(!converged);
         }
     }
 }

@@ -1,11 +1,13 @@
 //! Cyclic symmetry: sectors against whole bodies, and sides whose meshes do not match.
 
-use crate::common::models::answer;
+use crate::common::models::{answer, on_the_cpu};
+use crate::common::or_panic::OrPanic as _;
 use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
 use signorini::mesh::Mesh;
-use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::model::{Axis, Cyclic, Model, Support, Temperature, Traction};
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::model::{Axis, Cyclic, Model, Pair, Support, Temperature, Traction};
+use signorini::ssnm::Status;
 use std::f64::consts::TAU;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
@@ -241,5 +243,71 @@ fn sectors_that_do_not_close_are_refused() {
             model(sector(7.0, [4, 3], 0.0)).cyclic(Cyclic::between(low, "top", axis, sectors));
         let refused = model.build().expect_err("it does not close").to_string();
         assert!(refused.contains(text), "{refused}");
+    }
+}
+
+/// A shaft in a hub that is too small for it by as much everywhere, a sector of both: the pressure is even up to the sides of the
+/// sectors, and a torque meets nothing but friction.
+#[test]
+fn contact_goes_on_beyond_the_sides() {
+    let (sectors, inner) = (8_u32, 1.5);
+    let ring = |low: f64, high: f64, cells: [usize; 2], name: &str| {
+        let prefix = format!("{name}-");
+        let mut mesh = rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix);
+        for x in &mut mesh.nodes {
+            let (r, angle) = (low + (high - low) * x[0], TAU * x[1] / f64::from(sectors));
+            *x = [r * angle.cos(), r * angle.sin()];
+        }
+        mesh
+    };
+    let axis = Axis::at([0.0, 0.0]);
+    for cells in [6, 4] {
+        for orders in [1, 2] {
+            let mut mesh = join(
+                ring(1.0, inner, [3, 6], "shaft"),
+                ring(inner, 2.0, [3, cells], "hub"),
+            );
+            if orders == 2 {
+                mesh = mesh.raised().or_panic();
+            }
+            let side = |name: &str| {
+                let [low, high] = ["bottom", "top"].map(|side| format!("{name}-{side}"));
+                Cyclic::between(low, high, axis, sectors)
+            };
+            let model = |torque: f64| {
+                Model::on(mesh.clone())
+                    .plane(Plane::PlaneStress)
+                    .material(steel())
+                    .support(Support::on("hub-right").about(axis).hoop(0.0))
+                    .cyclic(side("shaft"))
+                    .cyclic(side("hub"))
+                    .traction(Traction::on("shaft-left").about(axis).torque(torque))
+                    .contact(
+                        Pair::new("shaft-right", "hub-left")
+                            .interference(1e-4)
+                            .coulomb(0.3),
+                    )
+            };
+            // Of two rings with these radii (Lamé), with their polygons.
+            let found = answer(model(0.0), 1e-9, Stiffness::Cholesky);
+            let pressures: Vec<f64> = (0..found.m()).map(|i| found.pressure(i)).collect();
+            let mean = pressures.iter().sum::<f64>() / pressures.len() as f64;
+            let even = if cells == 6 { 1e-6 } else { 0.03 };
+            let off = pressures.iter().map(|p| (p / mean - 1.0).abs());
+            let off = off.fold(0.0, f64::max);
+            assert!(off < even, "{cells} {orders}: {pressures:?}");
+            // Friction bears a torque up to its limit, and nothing bears more.
+            let area = TAU * inner / f64::from(sectors);
+            let limit = 0.3 * mean * area * inner;
+            let answers = [0.7, 1.1].map(|part| {
+                let built = model(part * limit).build().or_panic();
+                let steps = built
+                    .solve(&on_the_cpu(1e-7, Stiffness::Cholesky))
+                    .or_panic();
+                steps[0].status
+            });
+            assert_eq!(answers[0], Status::Converged, "{cells} {orders}");
+            assert_ne!(answers[1], Status::Converged, "{cells} {orders}");
+        }
     }
 }

@@ -304,3 +304,45 @@ fn ties_are_reported_as_ties() {
         assert_eq!((sizes.tied, sizes.stick, sizes.total()), (3, 0, 3));
     }
 }
+
+/// Where a support holds one side of a tie, the other one follows it, whichever is named first: as one body does.
+#[test]
+fn sides_follow_where_one_of_them_is_held() {
+    let part = |x: f64, [wide, high]: [usize; 2], name: &str| {
+        let prefix = format!("{name}-");
+        let size = [if wide == high { 1.0 } else { 2.0 }, 1.0];
+        let mut mesh = rectangle([x, 0.0], size, [wide, high], CellShape::Quad, name, &prefix);
+        let is_held = |x: &[f64; 2]| x[0] < 1.0 + 1e-9 && x[1] < 1e-9;
+        let held = (0..).zip(&mesh.nodes).filter(|(_, x)| is_held(x));
+        let held: Vec<u32> = held.map(|(node, _)| node).collect();
+        if name == "a" {
+            mesh.node_sets.insert("held".to_owned(), held);
+        }
+        mesh
+    };
+    let tip = |mesh: Mesh, load: &str, tie: Option<Pair>| {
+        let mut model = Model::on(mesh)
+            .material(Material::new(1e5, 0.3))
+            .support(Support::at_nodes("held").fixed())
+            .traction(Traction::on(load).x(100.0).y(-200.0));
+        if let Some(tie) = tie {
+            model = model.tie(tie);
+        }
+        let found = answer(model, 1e-10, Stiffness::Cholesky);
+        let nodes = found.built.elastic.mesh.nodes.clone();
+        let at_tip = |(x, u): (&[f64; 2], [f64; 2])| (x[0] + x[1] > 2.999).then_some(u[1]);
+        let mut tips = nodes.iter().zip(found.displacement()).filter_map(at_tip);
+        tips.next().expect("there is a tip")
+    };
+    for cells in [1, 2, 4] {
+        let expected = tip(part(0.0, [2 * cells, cells], "a"), "a-right", None);
+        for [first, other] in [["a-right", "b-left"], ["b-left", "a-right"]] {
+            let both = join(part(0.0, [cells; 2], "a"), part(1.0, [cells; 2], "b"));
+            let found = tip(both, "b-right", Some(Pair::tied(first, other)));
+            assert!(
+                (found / expected - 1.0).abs() < 1e-8,
+                "{cells} {first}: {found} {expected}"
+            );
+        }
+    }
+}

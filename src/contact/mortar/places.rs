@@ -95,9 +95,40 @@ where
         Self { sums }
     }
 
+    /// Gives places at the sides of sectors the mean normals of the places that they are halves of.
+    fn join_seams(&mut self, options: &PairOptions<D>) {
+        let Some(seams) = options.seams else { return };
+        let mut at_nodes: HashMap<u32, Vec<[[f64; D]; 2]>> = HashMap::new();
+        for (key, sums) in &self.sums {
+            if let Key::Node { node, .. } = key
+                && seams.contains_key(node)
+            {
+                at_nodes
+                    .entry(*node)
+                    .or_default()
+                    .push(sums.normals.map(unit));
+            }
+        }
+        for (key, sums) in &mut self.sums {
+            let Key::Node { node, .. } = key else {
+                continue;
+            };
+            for (side, normal) in sums.normals.iter_mut().enumerate() {
+                let at = |node| -> Vec<[f64; D]> {
+                    let all = at_nodes.get(&node).into_iter().flatten();
+                    all.map(|normals| normals[side]).collect()
+                };
+                let size = length(*normal);
+                *normal = options
+                    .across_seams(unit(*normal), *node, at)
+                    .map(|c| size * c);
+            }
+        }
+    }
+
     /// The contact places, in the order of their keys.
     pub fn finish(
-        self,
+        mut self,
         body: &Body<D>,
         first: &Surface<D>,
         options: &PairOptions<D>,
@@ -128,6 +159,7 @@ where
             }
         }
         let (mut places, mut of_parts, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+        self.join_seams(options);
         for (key, sums) in self.sums {
             let Some(place) = sums.contact_place(body.mesh, first, key, options)? else {
                 continue;

@@ -63,7 +63,16 @@ where
                 let place = mesh.nodes[node as usize].into();
                 return Err(ContactError::Folded { place });
             }
-            *normal = options.within_planes(unit(*normal), &[node]);
+            *normal = unit(*normal);
+        }
+        let mut parts: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
+        for (&(node, _), &normal) in normals.iter().filter(|_| options.seams.is_some()) {
+            parts.entry(node).or_default().push(normal);
+        }
+        let at = |node| parts.get(&node).cloned().unwrap_or_default();
+        for (&(node, _), normal) in &mut normals {
+            let whole = options.across_seams(*normal, node, at);
+            *normal = options.within_planes(whole, &[node]);
         }
         let slack = facets.iter().map(|facet| {
             let (places, len) = mesh.places_of(facet);
