@@ -23,8 +23,8 @@ class Model:
     """Elastic bodies in contact: a mesh and its model.
 
     Keyword arguments are the keys of case files (explained in docs/case-file.md; most have ``name``), and each method
-    returns the model, so that calls may be chained. A fault of an argument by itself is reported at once, a fault that
-    depends on the mesh when the model is built.
+    returns the model, so that calls may be chained. Arguments are copied. A fault of an argument by itself is reported at
+    once, a fault that depends on the mesh when the model is built.
 
     A *quantity* is a number; an expression such as ``"-2e7 * (1 - x / 1.5)"``; an array with a value for each row of
     ``mesh.points``; or a function that is called once with these points, (n, d), and returns such an array or a number.
