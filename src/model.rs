@@ -515,6 +515,13 @@ impl<const D: usize> Definition<D> {
 
     /// Checks everything in the model that needs no mesh.
     pub(crate) fn check(&self) -> Result<(), ModelError> {
+        self.check_parts()?;
+        self.check_revolution()?;
+        self.check_steps()
+    }
+
+    /// Every part is complete and consistent, and no contact is listed twice.
+    pub(crate) fn check_parts(&self) -> Result<(), ModelError> {
         if let Some(fault) = self.units.as_ref().and_then(Units::fault) {
             return Err(Entity::all(EntityKind::Units).error(fault));
         }
@@ -533,13 +540,6 @@ impl<const D: usize> Definition<D> {
                 return Err(Entity::all(EntityKind::Rotation).error(fault));
             }
         }
-        self.check_parts()?;
-        self.check_revolution()?;
-        self.check_steps()
-    }
-
-    /// Every part is complete and consistent, and no contact is listed twice.
-    pub(crate) fn check_parts(&self) -> Result<(), ModelError> {
         if let Some((number, part, flaw)) =
             (self.parts()).find_map(|(number, part)| Some((number, part, part.fault()?)))
         {

@@ -18,6 +18,12 @@ def unmasked(name: str, value: Any) -> None:
         raise ValueError(f"{name}: masked arrays have entries without a value; pass value.filled(…) or value.compressed()")
 
 
+def dimension(name: str, value: Any) -> None:
+    """Refuse what is not the dimension of a plane or of space."""
+    if not isinstance(value, (int, np.integer)) or value not in (2, 3):
+        raise ValueError(f"{name}: must be the integer 2 or 3, not {value!r}")
+
+
 def floats(name: str, value: ArrayLike) -> Floats:
     """Real numbers as contiguous float64; the same array if it is so already."""
     unmasked(name, value)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _native
-from ._errors import NotConvergedWarning, SolveError
+from ._errors import NotConvergedWarning, SolveError, with_solution
 from ._problem import known_settings
 from ._solution import Kkt, _freeze, _nan
 from ._watch import LOG, Bar, Hearer, Step
@@ -104,13 +104,13 @@ def solve_delassus(
         The Delassus operator, symmetric and positive semidefinite; a callable, or a ``LinearOperator`` of SciPy, returns W x
         for a vector x.
     q : array_like, (d m,) or (m, d)
-        The velocities without impulses.
+        The velocities without impulses; rows are those of contacts in either order.
     friction : array_like, (m,), or float
         μ.
     dimension : 2 or 3
         d.
     order : {"interleaved", "blocks"}
-        Of rows of W and of q: normal, tangential entries, contact by contact; or all normal entries first, then the
+        Of rows of W and of a vector q: normal, tangential entries, contact by contact; or all normal entries first, then the
         tangential ones contact by contact.
     diagonal : array_like, (d m,), or float; optional
         The diagonal of a callable W, or an estimate: it makes the contacts comparable. Without it, some products estimate
@@ -143,12 +143,14 @@ def solve_delassus(
     >>> solution.impulses.round(6)
     array([[ 0.5 , -0.25,  0.  ]])
     """
-    if dimension not in (2, 3):
-        raise ValueError(f"dimension: must be 2 or 3, not {dimension!r}")
+    _arrays.dimension("dimension", dimension)
     if order not in ("interleaved", "blocks"):
         raise ValueError(f"order: must be \"interleaved\" or \"blocks\", not {order!r}")
     known_settings(settings, solve_delassus)
-    free = _arrays.floats("q", q).ravel()
+    given = _arrays.floats("q", q)
+    if given.ndim != 1 and given.shape[1:] != (dimension,):
+        raise ValueError(f"q: expected a vector or an array of shape (m, {dimension}), found one of shape {given.shape}")
+    free = given.ravel()
     m, rest = divmod(len(free), dimension)
     if rest:
         raise ValueError(f"q: {len(free)} entries are not a multiple of dimension = {dimension}")
@@ -156,7 +158,7 @@ def solve_delassus(
     place = np.arange(len(free))
     if order == "blocks":
         place = np.column_stack([np.arange(m), np.arange(m, len(free)).reshape(m, dimension - 1)]).ravel()
-    free = np.ascontiguousarray(free[place])
+    free = np.ascontiguousarray(free if given.ndim == 2 else free[place])
     matrix = product = None
     if callable(W) or hasattr(W, "matvec"):
         product = _product(getattr(W, "matvec", W), place)
@@ -197,14 +199,11 @@ def solve_delassus(
         products=report["n_A"],
     )
     if stopped is not None:
-        stopped.solution = solution
-        raise stopped
+        raise with_solution(stopped, solution)
     if not solution.converged:
         text = f"not converged: {solution.status}"
         if check:
-            error = SolveError(text)
-            error.solution = solution
-            raise error
+            raise with_solution(SolveError(text), solution)
         warnings.warn(text, NotConvergedWarning, stacklevel=2)
     return solution
 

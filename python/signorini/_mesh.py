@@ -261,14 +261,20 @@ class Mesh:
         Boundaries of the part "punch" are called ``punch-left`` …, and its regions ``punch-NAME``, or ``punch`` if "body" is
         the only one. `shift` has vectors to add to the coordinates of parts.
         """
+        shift = shift or {}
+        for name in shift:
+            if name not in parts:
+                raise ValueError(f"shift: there is no part {name!r}; there are {', '.join(map(repr, parts))}")
         placed = []
         for name, part in parts.items():
             regions = {old: f"{name}-{old}" for old in [*part.regions, *part._native.regions()[1]]}
             if list(regions) in (["body"], ["body", "body"]):
                 regions = {"body": name}
             boundaries = {old: f"{name}-{old}" for old in [*part.boundaries, *part.node_sets]}
-            by = (shift or {}).get(name, [0.0] * part.dim)
-            placed.append(part._native.placed([float(v) for v in by], regions, boundaries))
+            by = _arrays.vector(f"shift, {name!r}", shift.get(name, [0.0] * part.dim))
+            if len(by) != part.dim or not np.isfinite(by).all():
+                raise ValueError(f"shift, {name!r}: expected {part.dim} finite numbers, found {by.tolist()}")
+            placed.append(part._native.placed(by.tolist(), regions, boundaries))
         return cls._of(_native.Mesh.joined(placed))
 
     @property
@@ -287,8 +293,14 @@ class Mesh:
         return {MESHIO[kind]: nodes for kind, _, nodes in self._native.cells()}
 
     @property
+    def cell_numbers(self) -> dict[str, NDArray[np.uint32]]:
+        """By kind the number of each row of `cells` among all elements, as in `regions` and `Solution.stress_in_elements`: elements
+        of a file are in its order, whatever their kinds."""
+        return {MESHIO[kind]: numbers for kind, numbers, _ in self._native.cells()}
+
+    @property
     def regions(self) -> dict[str, NDArray[np.int64]]:
-        """The numbers of the elements of each region, and of each group of them, by name."""
+        """The numbers of the elements of each region, and of each group of them, by name (`cell_numbers`)."""
         of, _, groups = self._native.regions()
         return {name: np.flatnonzero(np.isin(of, members)) for name, members in groups.items()}
 

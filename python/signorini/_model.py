@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native, _toml
+from . import _arrays, _native, _toml
 from ._mesh import Mesh
 from ._problem import Problem, _built
 from ._solution import Solution
@@ -22,8 +23,8 @@ class Model:
     """Elastic bodies in contact: a mesh and its model.
 
     Keyword arguments are the keys of case files (explained in docs/case-file.md; most have ``name``), and each method
-    returns the model, so that calls may be chained. A fault of an argument by itself is reported at once, a fault that
-    depends on the mesh when the model is built.
+    returns the model, so that calls may be chained. Arguments are copied. A fault of an argument by itself is reported at
+    once, a fault that depends on the mesh when the model is built.
 
     A *quantity* is a number; an expression such as ``"-2e7 * (1 - x / 1.5)"``; an array with a value for each row of
     ``mesh.points``; or a function that is called once with these points, (n, d), and returns such an array or a number.
@@ -60,13 +61,15 @@ class Model:
         return self
 
     def _entry(self, name: str, value: Any) -> Any:
-        """A value with its functions of the place replaced by their values at the nodes."""
+        """A copy of a value, with its functions of the place replaced by their values at the nodes."""
         if isinstance(value, Mapping):
             return {key: self._entry(f"{name}.{key}", one) for key, one in value.items()}
         if not callable(value):
-            return value
+            return copy.deepcopy(value) if isinstance(value, (list, tuple, np.ndarray)) else value
         points = self.mesh.points
-        made = np.asarray(value(points))
+        made = value(points)
+        _arrays.unmasked(name, made)
+        made = np.asarray(made)
         if made.ndim == 0:
             made = np.broadcast_to(made, (len(points),))
         if made.shape != (len(points),):

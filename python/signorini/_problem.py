@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _arrays, _native
-from ._errors import NotConvergedWarning, SolveError
+from ._errors import NotConvergedWarning, SolveError, with_solution
 from ._mesh import Mesh
-from ._solution import Solution, contact_names
+from ._solution import Solution, contact_names, stated_names
 from ._toml import setting
 from ._watch import LOG, Bar, Hearer, Step
 
@@ -33,6 +33,12 @@ def known_settings(settings: Mapping[str, Any], of: Callable[..., Any]) -> None:
             meant = [one for one in known if one.startswith(name)] or difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {meant[0]}?" if meant else f"there are {', '.join(SETTINGS)}"
             raise ValueError(f"{name}: no solve has such a setting; {hint}")
+
+
+def _needs_tangential(slip_bound: Any, friction: Any, slip_origin: Any) -> None:
+    """Refuse friction without T."""
+    if any(given is not None for given in (slip_bound, friction, slip_origin)):
+        raise ValueError("tangential: friction needs T, the displacements along the boundary")
 
 
 class Problem:
@@ -102,15 +108,14 @@ class Problem:
         tied: ArrayLike | None = None,
         dependent_rows: bool = False,
     ) -> None:
-        if dim not in (None, 2, 3):
-            raise ValueError(f"dim: must be 2 or 3, not {dim!r}")
+        if dim is not None:
+            _arrays.dimension("dim", dim)
         points = None if coordinates is None else _arrays.table("coordinates", coordinates)
         self._model: tuple[Any, ...] = ()
         N = _arrays.sparse("normal", normal)
         m = N[0]
         if tangential is None:
-            if slip_bound is not None or friction is not None:
-                raise ValueError("tangential: friction needs T, the displacements along the boundary")
+            _needs_tangential(slip_bound, friction, slip_origin)
             d = dim if dim is not None else 2 if points is None else points.shape[1]
             T = _arrays.zeros((d - 1) * m, N[1])
         else:
@@ -196,11 +201,19 @@ class Problem:
         names = self.contacts
         if of_places is None:
             raise ValueError("friction: a problem from matrices has no named contacts; give a number, or one for each")
+        stated, tied = stated_names(self._native.contacts()), np.array(self._native.tied(), dtype=bool)
         coefficients = np.array(self._native.friction_coefficient() or [0.0] * self.m)
         for name, value in given.items():
             if name not in names:
                 raise ValueError(f"friction: there is no contact {name!r}; there are {', '.join(map(repr, names))}")
-            coefficients[np.asarray(of_places) == names.index(name)] = value
+            alike = [one for one, of in zip(names, stated) if of == name]
+            if not all(one in given for one in alike):
+                listed = ", ".join(map(repr, alike))
+                raise ValueError(f"friction: several contacts are called {name!r}: give each its own name, or list {listed}")
+            there = np.asarray(of_places) == names.index(name)
+            if tied[there].any():
+                raise ValueError(f"friction: {name!r} is a tie or another joint, along which nothing slips")
+            coefficients[there] = value
         return coefficients
 
     def solve(
@@ -231,13 +244,14 @@ class Problem:
         Parameters
         ----------
         f, gap, slip_bound, slip_origin : array_like; optional
-            Vectors that replace those of the problem. Only for problems from matrices: models and cases have them in their
-            load steps.
+            Vectors that replace those of the problem, under the same rules. Only for problems from matrices: models and
+            cases have them in their load steps.
         friction : array_like, (m,), float, or dict; optional
             Coefficients of friction that replace those of the problem: one for all places, one for each, or by the names of
-            contacts.
+            contacts. Ties stay ties.
         after : Solution; optional
-            The load step before this one: friction acts on the slip since then. Only for problems from matrices.
+            The load step before this one: friction acts on the slip since then. Of this problem, or of one with the same K,
+            N and T. Only for problems from matrices.
         tolerance : float; optional
             ε; default: that of the case, or 1e-6.
         stiffness : {"auto", "cholesky", "pcg"}
@@ -283,6 +297,8 @@ class Problem:
             for name, value in vectors.items():
                 if value is not None:
                     raise ValueError(f"{name}: a model states its own loads and load steps: change the model")
+        elif not self._native.has_tangential and self.m:
+            _needs_tangential(slip_bound, friction, slip_origin)
         m = self.m
         lengths = {"gap": m, "slip_bound": m, "slip_origin": (self.dim - 1) * m}
         arrays = {
@@ -318,8 +334,7 @@ class Problem:
         )
         solution = Solution(native)
         if stopped is not None:
-            stopped.solution = solution if native.n_steps else None
-            raise stopped
+            raise with_solution(stopped, solution if native.n_steps else None)
         return _told(solution, check)
 
 
@@ -330,7 +345,7 @@ def _built(mesh: Mesh, tables: str) -> Problem:
 
 def _of_parts(parts: dict[str, Any]) -> Problem:
     """A pickled problem from matrices; it was checked when it was made."""
-    return Problem._of(_native.Problem.matrices(**parts, interference=True, dependent_rows=True))
+    return Problem._of(_native.Problem.matrices(**parts, dependent_rows=True))
 
 
 def _told(solution: Solution, check: bool) -> Solution:
@@ -342,9 +357,7 @@ def _told(solution: Solution, check: bool) -> Solution:
     if bodies:
         text += " (" + "; ".join(bodies) + ")"
     if check:
-        error = SolveError(text)
-        error.solution = solution
-        raise error
+        raise with_solution(SolveError(text), solution)
     warnings.warn(text, NotConvergedWarning, stacklevel=3)
     return solution
 

@@ -45,12 +45,16 @@ def _nan(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
+def stated_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
     """The names of contacts: their own, or else their boundary, or both boundaries if the first is in several contacts."""
     boundaries = [boundary for _, boundary, _ in pairs]
+    return [own or (name if boundaries.count(name) == 1 else f"{name} / {against}") for own, name, against in pairs]
+
+
+def contact_names(pairs: Sequence[tuple[str | None, str, str]]) -> list[str]:
+    """The names of contacts, all different."""
     names: list[str] = []
-    for own, boundary, against in pairs:
-        name = own or (boundary if boundaries.count(boundary) == 1 else f"{boundary} / {against}")
+    for name in stated_names(pairs):
         while name in names:
             name += "'"
         names.append(name)
@@ -87,7 +91,7 @@ class Contact:
         The directions of the components of `traction` and `slip`.
     areas : ndarray, (k,)
     pressure : ndarray, (k,)
-        In Pa; ≥ 0.
+        In Pa; ≥ 0, but of ties < 0 where their sides pull at each other.
     traction : ndarray, (k, d − 1)
         Of friction, on the body of `boundary`, in Pa.
     bound : ndarray, (k,)
@@ -232,7 +236,7 @@ class LoadStep:
 
     @property
     def stress_in_elements(self) -> Floats:
-        """The same in the middle of the elements, (elements, 6)."""
+        """The same in the middle of the elements, (elements, 6), numbered as by `Mesh.cell_numbers`."""
         return self._array("stress_in_elements")
 
     @property
@@ -356,7 +360,7 @@ class Solution:
 
     @property
     def stress_in_elements(self) -> Floats:
-        """The same in the middle of the elements, (elements, 6)."""
+        """The same in the middle of the elements, (elements, 6), numbered as by `Mesh.cell_numbers`."""
         return self.last.stress_in_elements
 
     @property
@@ -549,6 +553,8 @@ class Solution:
         bodies = self._mesh_or_none() is not None
         if name == "u" and bodies:
             made["u"] = native.displacement(step)
+        elif name in ("contacts", "at_nodes", "state") and bodies:
+            made["contacts"], made["at_nodes"], made["state"] = self._contacts(step)
         elif name in _VECTORS:
             made = native.vectors(step)
             rows = (self.m, -1) if self.m else (0, 1)
@@ -556,15 +562,17 @@ class Solution:
                 made[tangential] = made[tangential].reshape(rows)
             made["state"] = np.array(made["state"], dtype=np.str_)
             if bodies:
-                del made["u"]
+                # Laws may change from step to step, which the fields of contacts know.
+                del made["u"], made["state"]
         elif name in ("contacts", "at_nodes"):
-            made["contacts"], made["at_nodes"] = self._contacts(step) if bodies else ({}, {})
+            made[name] = {}
         else:
             made["stress"], made["stress_in_elements"] = native.stress(step)
         for key, value in made.items():
             self._cache[step, key] = _freeze(value)
 
-    def _contacts(self, step: int) -> tuple[dict[str, Contact], dict[str, NDArray[Any]]]:
+    def _contacts(self, step: int) -> tuple[dict[str, Contact], dict[str, NDArray[Any]], NDArray[np.str_]]:
+        """The contacts, their fields at the nodes of the mesh, and the state of all places."""
         fields = self._handle("contacts").contact(step)
         pair_of, shown = fields.pop("contact"), fields.pop("shown")
         fields["state"] = np.array(fields["state"], dtype=np.str_)
@@ -596,7 +604,7 @@ class Solution:
             if "motion" in one:
                 known["motion"] = np.array([_nan(value) for value in one["motion"]])
             contacts[name] = Contact(name=name, **known)
-        return contacts, at_nodes
+        return contacts, at_nodes, fields["state"]
 
 
 _VECTORS = ("u", "lambda_normal", "lambda_tangential", "slip_bound", "slip", "state")

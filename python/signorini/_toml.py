@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from ._arrays import unmasked
+
 
 def value(name: str, given: Any) -> str:
     """A value in TOML; floats to the last bit."""
+    unmasked(name, given)
     if isinstance(given, (bool, np.bool_)):
         return "true" if given else "false"
     if isinstance(given, (int, np.integer)):
+        if not -(2**63) <= int(given) < 2**63:
+            raise ValueError(f"{name}: {given} is too large for an integer; pass a float")
         return str(int(given))
     if isinstance(given, (float, np.floating)):
         return repr(float(given))
@@ -24,7 +29,7 @@ def value(name: str, given: Any) -> str:
     if isinstance(given, Mapping):
         entries = (f"{key(k)} = {value(f'{name}.{k}', v)}" for k, v in given.items() if v is not None)
         return "{ " + ", ".join(entries) + " }"
-    if isinstance(given, np.ndarray) and given.ndim == 1 and given.dtype.kind in "fiu":
+    if isinstance(given, np.ndarray) and given.ndim == 1 and given.dtype.kind in "fi":
         return "[" + ", ".join(map(repr, given.tolist())) + "]"
     if isinstance(given, (list, tuple, np.ndarray)) and getattr(given, "ndim", 1) > 0:
         return "[" + ", ".join(value(name, entry) for entry in given) + "]"

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 LOG = logging.getLogger("signorini")
 
 
@@ -97,7 +99,8 @@ class Hearer:
         step = Step._of(json.loads(row))
         if self._bar:
             self._bar.step(step)
-        return self._callback is None or self._callback(step) is not False
+        said = None if self._callback is None else self._callback(step)
+        return not isinstance(said, (bool, np.bool_)) or bool(said)
 
     def ends(self, number: int, status: str) -> None:
         """A load step has ended."""
@@ -127,11 +130,15 @@ class Bar:
 
     def ends(self) -> None:
         """A load step has ended."""
-        sys.stderr.write("\n")
-        sys.stderr.flush()
+        self._write("\n")
 
     def _show(self, part: float, text: str) -> None:
         full = round(self.WIDTH * min(max(part, 0.0), 1.0)) if math.isfinite(part) else 0
         bar = "█" * full + "·" * (self.WIDTH - full)
-        sys.stderr.write(f"\r{self._where}{bar} {text:<40}")
-        sys.stderr.flush()
+        self._write(f"\r{self._where}{bar} {text:<40}")
+
+    def _write(self, text: str) -> None:
+        # Programs with windows may have none.
+        if sys.stderr is not None:
+            sys.stderr.write(text)
+            sys.stderr.flush()

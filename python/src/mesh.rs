@@ -128,19 +128,26 @@ impl Mesh {
         mesh.map(Self::new).map_err(ModelError::new_err)
     }
 
-    /// Meshes side by side; their regions and boundaries have different names.
+    /// Meshes side by side.
     #[staticmethod]
     fn joined(parts: Vec<PyRef<Mesh>>) -> PyResult<Self> {
+        fn both<const D: usize>(a: mesh::Mesh<D>, b: mesh::Mesh<D>) -> PyResult<mesh::Mesh<D>>
+        where
+            ElementKind: Topology<D>,
+        {
+            match structured::shared_name(&a, &b) {
+                None => Ok(structured::join(a, b)),
+                Some(name) => Err(ModelError::new_err(format!(
+                    "parts: two of them have a region or boundary called \"{name}\": give the parts other names"
+                ))),
+            }
+        }
         let mut whole: Option<AnyMesh> = None;
         for part in &parts {
             whole = Some(match (whole, part.copy()) {
                 (None, mesh) => mesh,
-                (Some(AnyMesh::Plane(a)), AnyMesh::Plane(b)) => {
-                    AnyMesh::Plane(structured::join(a, b))
-                }
-                (Some(AnyMesh::Space(a)), AnyMesh::Space(b)) => {
-                    AnyMesh::Space(structured::join(a, b))
-                }
+                (Some(AnyMesh::Plane(a)), AnyMesh::Plane(b)) => AnyMesh::Plane(both(a, b)?),
+                (Some(AnyMesh::Space(a)), AnyMesh::Space(b)) => AnyMesh::Space(both(a, b)?),
                 _ => {
                     let text = "meshes of the plane and of space cannot be joined";
                     return Err(ModelError::new_err(text));

@@ -22,6 +22,7 @@ use signorini::problem::{
 use signorini::quasistatic::{self, StepSettings};
 use signorini::solve::{self, Compiled, Event};
 use signorini::sparse::Csr;
+use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -40,6 +41,8 @@ pub struct Problem {
     source: Arc<CaseProblem>,
     title: String,
     settings: StepSettings,
+    /// Whether entries of the gap below 0 are intended.
+    interference: bool,
     engine: Mutex<Option<Kept>>,
     /// The process in which a solve has taken it last.
     taken_in: AtomicU32,
@@ -70,6 +73,48 @@ struct Beside {
     slip_origin: Option<Vec<f64>>,
 }
 
+thread_local! {
+    /// The problems that calls of this thread are solving: several, if callbacks solve others.
+    static SOLVING: RefCell<Vec<*const Problem>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A call of [`Problem::solve`], as long as it lives.
+struct Call;
+
+impl Call {
+    /// Unless this thread is solving the problem already: the engine would never be free.
+    fn of(problem: &Problem) -> PyResult<Self> {
+        SOLVING.with_borrow_mut(|all| {
+            if all.contains(&std::ptr::from_ref(problem)) {
+                return Err(SolveError::new_err(
+                    "a callback of solve called solve of the same problem, which goes on only after the callback: solve \
+                     copy.copy(problem) there",
+                ));
+            }
+            all.push(problem);
+            Ok(Self)
+        })
+    }
+}
+
+impl Drop for Call {
+    fn drop(&mut self) {
+        SOLVING.with_borrow_mut(Vec::pop);
+    }
+}
+
+/// Coefficients of friction without those of ties, which nothing slides along.
+fn untied(mut friction: Vec<f64>, tied: &[bool]) -> Vec<f64> {
+    let all = friction.iter_mut().zip(tied);
+    (all.filter(|(_, tied)| **tied)).for_each(|(mu, _)| *mu = 0.0);
+    friction
+}
+
+/// Which places are tied.
+fn ties<const D: usize>(problem: &ContactProblem<D>) -> Vec<bool> {
+    (0..problem.m()).map(|i| problem.is_tied(i)).collect()
+}
+
 impl Changes {
     fn is_empty(&self) -> bool {
         let all = [
@@ -86,29 +131,40 @@ impl Changes {
     fn made<const D: usize>(
         &self,
         problem: &ContactProblem<D>,
+        interference: bool,
     ) -> Result<ContactProblem<D>, ProblemError> {
         let mut problem = problem.clone();
         if let Some(load) = &self.load {
+            if load.len() != problem.n() {
+                return Err(ProblemError::Length {
+                    name: "the load f",
+                    found: load.len(),
+                    expected: problem.n(),
+                    reason: "one entry per row of K",
+                });
+            }
             // K may have rows that complete the last block.
             let mut load = load.clone();
-            if load.len() == problem.n() {
-                load.resize(problem.n_rows(), 0.0);
-            }
+            load.resize(problem.n_rows(), 0.0);
             problem = problem.with_load(load)?;
         }
         if let Some(gap) = &self.gap {
-            problem = problem.with_gap(gap.clone())?;
+            problem = match interference {
+                true => problem.with_gap(gap.clone())?,
+                false => problem.with_open_gap(gap.clone())?,
+            };
         }
         if let Some(bound) = &self.slip_bound {
             // A tie is a bound that nothing reaches: it stays.
-            let tied: Vec<bool> = (0..problem.m()).map(|i| problem.is_tied(i)).collect();
+            let tied = ties(&problem);
             problem = problem.with_slip_bound(bound.clone())?.with_ties(&tied)?;
         }
         if let Some(origin) = &self.slip_origin {
             problem = problem.with_slip_origin(origin.clone())?;
         }
         if let Some(friction) = &self.friction {
-            problem = problem.with_friction_coefficient(friction.clone())?;
+            let friction = untied(friction.clone(), &ties(&problem));
+            problem = problem.with_friction_coefficient(friction)?;
         }
         Ok(problem)
     }
@@ -161,11 +217,12 @@ where
 }
 
 impl Problem {
-    fn new(source: CaseProblem, title: &str, settings: StepSettings) -> Self {
+    fn new(source: CaseProblem, title: &str, settings: StepSettings, interference: bool) -> Self {
         Self {
             source: Arc::new(source),
             title: title.to_owned(),
             settings,
+            interference,
             engine: Mutex::default(),
             taken_in: AtomicU32::new(0),
             ear: Ear::default(),
@@ -233,13 +290,15 @@ impl Problem {
                 .map(|v| entries(name, v).map(<[f64]>::to_vec));
             made.transpose()
         };
+        let tied = tied.unwrap_or_default();
+        let friction = some("friction", &friction)?.unwrap_or_default();
         let beside = Beside {
             interference,
             dependent_rows,
             slip_bound: some("slip_bound", &slip_bound)?.unwrap_or_default(),
-            friction: some("friction", &friction)?.unwrap_or_default(),
+            friction: untied(friction, &tied),
             compliance: some("compliance", &compliance)?.unwrap_or_default(),
-            tied: tied.unwrap_or_default(),
+            tied,
             areas: some("areas", &areas)?,
             slip_origin: some("slip_origin", &slip_origin)?,
         };
@@ -274,6 +333,7 @@ impl Problem {
             CaseProblem::Algebraic(problem),
             "",
             StepSettings::default(),
+            interference,
         ))
     }
 
@@ -349,14 +409,14 @@ impl Problem {
         }
     }
 
-    /// The arguments with which [`Self::matrices`] makes the same problem, without its keywords; None for a model.
+    /// The arguments with which [`Self::matrices`] makes the same problem; None for a model. Rows may depend on each other: they
+    /// have been checked.
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         fn made<'py, const D: usize>(
             py: Python<'py>,
             problem: &ContactProblem<D>,
         ) -> PyResult<Bound<'py, PyDict>> {
-            let (n, m) = (problem.n(), problem.m());
-            let tied: Vec<bool> = (0..m).map(|i| problem.is_tied(i)).collect();
+            let (n, tied) = (problem.n(), ties(problem));
             let bounds = problem.slip_bound().iter().zip(&tied);
             let bounds = bounds.map(|(&g, &tied)| if tied { 0.0 } else { g });
             let all = PyDict::new(py);
@@ -381,10 +441,30 @@ impl Problem {
             all.set_item("tied", tied)?;
             Ok(all)
         }
-        match &*self.source {
-            CaseProblem::Algebraic(AnyProblem::Plane(problem)) => made(py, problem).map(Some),
-            CaseProblem::Algebraic(AnyProblem::Space(problem)) => made(py, problem).map(Some),
-            _ => Ok(None),
+        let all = match &*self.source {
+            CaseProblem::Algebraic(AnyProblem::Plane(problem)) => made(py, problem)?,
+            CaseProblem::Algebraic(AnyProblem::Space(problem)) => made(py, problem)?,
+            _ => return Ok(None),
+        };
+        all.set_item("interference", self.interference)?;
+        Ok(Some(all))
+    }
+
+    /// Whether T has entries: without, there is no friction.
+    #[getter]
+    fn has_tangential(&self) -> bool {
+        let rows = match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => analysis.problem.tangential(),
+            AnyAnalysis::Space(analysis) => analysis.problem.tangential(),
+        };
+        rows.triplets().next().is_some()
+    }
+
+    /// Which places are tied.
+    fn tied(&self) -> Vec<bool> {
+        match self.source.analysis() {
+            AnyAnalysis::Plane(analysis) => ties(analysis.problem),
+            AnyAnalysis::Space(analysis) => ties(analysis.problem),
         }
     }
 
@@ -412,6 +492,7 @@ impl Problem {
         friction: Option<PyReadonlyArray1<f64>>,
         before: Option<PyRef<Solved>>,
     ) -> PyResult<(Solved, Option<PyErr>)> {
+        let _call = Call::of(self)?;
         let some = |name, vector: &Option<PyReadonlyArray1<f64>>| {
             let made = vector
                 .as_ref()
@@ -435,7 +516,12 @@ impl Problem {
             settings,
             changes,
         };
-        let before = before.as_ref().map(|solved| &solved.run);
+        let before = before.as_deref();
+        if before.is_some_and(|before| !before.is_of(&self.source)) {
+            let text = "that is the solution of another problem: its K, N or T differs";
+            return Err(argument("after", text));
+        }
+        let before = before.map(|solved| &solved.run);
         let plane = |made: Result<_, Failure>| made.map(|(run, error)| (AnyRun::Plane(run), error));
         let space = |made: Result<_, Failure>| made.map(|(run, error)| (AnyRun::Space(run), error));
         let (made, stopped) = watched(py, hears.as_ref(), &interrupt, |voice| {
@@ -448,14 +534,10 @@ impl Problem {
                 (AnyAnalysis::Space(analysis), Some(AnyRun::Space(before))) => {
                     space(job.make(analysis, Some(before), &voice))
                 }
-                _ => Err(Failure::Before),
+                _ => unreachable!("both are in one dimension"),
             }
         })?;
         let (run, failed) = made.map_err(|failure| match failure {
-            Failure::Before => argument(
-                "after",
-                "that is the solution of a problem in another dimension",
-            ),
             Failure::Empty => argument("after", "no load step was made in it"),
             Failure::Problem(error) => wrong(error),
             Failure::Engine(error) => of_engine(error),
@@ -476,9 +558,7 @@ impl Problem {
 
 /// The reason why a solve has no result.
 enum Failure {
-    /// The solution to start from has another dimension.
-    Before,
-    /// That solution is empty.
+    /// The solution to start from is empty.
     Empty,
     Problem(ProblemError),
     Engine(signorini::engine::EngineError),
@@ -532,9 +612,10 @@ impl Job<'_> {
             Some(run) => Some(run.end(analysis.problem).ok_or(Failure::Empty)?),
             None => None,
         };
+        let stated = analysis.problem;
         let changed = self
             .changes
-            .made(analysis.problem)
+            .made(analysis.problem, self.of.interference)
             .map_err(Failure::Problem)?;
         let analysis = Analysis {
             problem: &changed,
@@ -619,8 +700,10 @@ impl Job<'_> {
             report.fail(&error.to_string());
         }
         if self.changes.friction.is_some() {
-            for contact in report.steps.iter_mut().flat_map(|step| &mut step.contacts) {
-                contact.friction = "Coulomb, as given to the solve".to_owned();
+            for (contact, law) in given_laws(stated, analysis) {
+                for step in &mut report.steps {
+                    law.clone_into(&mut step.contacts[contact].friction);
+                }
             }
         }
         *kept = Some(Kept { asked, engine });
@@ -640,6 +723,29 @@ impl Job<'_> {
     }
 }
 
+/// The laws of the contacts to which a solve has given other coefficients of friction than they have in their model.
+fn given_laws<const D: usize>(
+    stated: &ContactProblem<D>,
+    Analysis { problem, elastic }: Analysis<D>,
+) -> Vec<(usize, &'static str)>
+where
+    ElementKind: Topology<D>,
+{
+    let Some(elastic) = elastic else {
+        return Vec::new();
+    };
+    let mu = |of: &ContactProblem<D>, i| of.friction_coefficient().get(i).copied().unwrap_or(0.0);
+    let law = |contact: usize| {
+        let places = || (0..problem.m()).filter(|&i| elastic.pair_of[i] as usize == contact);
+        let changes = places().any(|i| mu(stated, i) != mu(problem, i));
+        changes.then(|| match places().any(|i| mu(problem, i) > 0.0) {
+            true => (contact, "Coulomb, as given to the solve"),
+            false => (contact, "no friction, as given to the solve"),
+        })
+    };
+    (0..elastic.pairs.len()).filter_map(law).collect()
+}
+
 /// A status as reports write it.
 pub fn word(status: signorini::ssnm::Status) -> String {
     let value = serde_json::to_value(status).unwrap_or_default();
@@ -652,7 +758,14 @@ pub fn read_case(py: Python<'_>, path: PathBuf, settings: Vec<String>) -> PyResu
     guarded(py, || -> Result<Problem, Wrong> {
         let case = Case::read(&path, &settings).map_err(Wrong::Case)?;
         let source = case.build().map_err(Wrong::Build)?;
-        Ok(Problem::new(source, &case.tables.title, case.settings()))
+        let algebraic = case.tables.algebraic.as_ref();
+        let interference = algebraic.is_some_and(|table| table.interference);
+        Ok(Problem::new(
+            source,
+            &case.tables.title,
+            case.settings(),
+            interference,
+        ))
     })?
     .map_err(PyErr::from)
 }
@@ -664,7 +777,8 @@ pub fn build(py: Python<'_>, mesh: PyRef<Mesh>, text: String) -> PyResult<Proble
     guarded(py, || -> Result<Problem, Wrong> {
         let case = Case::stated(text).map_err(Wrong::Case)?;
         let source = case.build_on_mesh(mesh).map_err(Wrong::Build)?;
-        Ok(Problem::new(source, &case.tables.title, case.settings()))
+        let (title, settings) = (&case.tables.title, case.settings());
+        Ok(Problem::new(source, title, settings, false))
     })?
     .map_err(PyErr::from)
 }

@@ -72,6 +72,27 @@ where
     }
 }
 
+impl Solved {
+    /// Whether it is of this problem, or of one with the same K, N and T.
+    pub fn is_of(&self, problem: &Arc<CaseProblem>) -> bool {
+        fn same<const D: usize>(a: Analysis<D>, b: Analysis<D>) -> bool
+        where
+            ElementKind: Space<D>,
+        {
+            let (a, b) = (a.problem, b.problem);
+            (a.stiffness() == b.stiffness())
+                && a.normal() == b.normal()
+                && a.tangential() == b.tangential()
+        }
+        let is_same = || match (self.source.analysis(), problem.analysis()) {
+            (AnyAnalysis::Plane(a), AnyAnalysis::Plane(b)) => same(a, b),
+            (AnyAnalysis::Space(a), AnyAnalysis::Space(b)) => same(a, b),
+            _ => false,
+        };
+        Arc::ptr_eq(&self.source, problem) || is_same()
+    }
+}
+
 /// The same in either dimension.
 pub enum AnyRun {
     Plane(Run<2>),
@@ -313,6 +334,8 @@ where
             parts: made.parts,
         })?;
     }
+    // With what the solve was given.
+    results.report.steps.clone_from(&run.report.steps);
     if let Some(error) = &run.report.error {
         results.report.fail(error);
     }

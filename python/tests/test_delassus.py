@@ -73,6 +73,19 @@ def test_a_ball_on_a_floor(q: list[float], mu: float, r: list[float], state: str
 
 
 @pytest.mark.parametrize("d", [2, 3])
+def test_rows_of_q_are_contacts_in_either_order(d: int) -> None:
+    W, rows = np.diag(np.arange(1.0, 2 * d + 1)), np.array([[-1.0, 3.0, 0.5], [-2.0, 0.1, 1.0]])[:, :d]
+    place = np.concatenate([[0, d], np.delete(np.arange(2 * d), [0, d])])
+    expected = signorini.solve_delassus(W, rows, friction=0.5, dimension=d)
+    for q in (rows, rows.ravel()[place]):
+        found = signorini.solve_delassus(W[np.ix_(place, place)], q, friction=0.5, dimension=d, order="blocks")
+        np.testing.assert_allclose(found.impulses, expected.impulses, atol=1e-9)
+    for wrong in (np.zeros((2, 5)), rows[None], 1.0):
+        with pytest.raises(ValueError, match="q: expected a vector or an array of shape"):
+            signorini.solve_delassus(W, wrong, friction=0.5, dimension=d)
+
+
+@pytest.mark.parametrize("d", [2, 3])
 def test_more_contacts_than_motions(d: int) -> None:
     made = packing(d)
     W, q, mu = made["W"], made["q"], 0.3
@@ -142,7 +155,8 @@ def test_manners() -> None:
         ({"q": np.where(np.arange(30) == 4, np.nan, q)}, "q: entry 4 is NaN"),
         ({"friction": [0.3]}, "friction: expected 10 entries, found 1"),
         ({"friction": -0.3}, r"μ\(0\) = -3e-1"),
-        ({"dimension": 4}, "dimension: must be 2 or 3, not 4"),
+        ({"dimension": 4}, "dimension: must be the integer 2 or 3, not 4"),
+        ({"dimension": 3.0}, "dimension: must be the integer 2 or 3, not 3.0"),
         ({"order": "ours"}, 'order: must be "interleaved" or "blocks"'),
         ({"diagonal": 1.0}, "diagonal: W is a matrix and has its own"),
         ({"tol": 1e-3}, "tol: no solve has such a setting; did you mean tolerance"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import os
 import pickle
@@ -53,6 +54,10 @@ def test_callbacks_see_steps_and_stop(block: dict[str, Any]) -> None:
     with pytest.warns(signorini.NotConvergedWarning, match="interrupted"):
         stopped = signorini.solve(**block, callback=lambda step: step.iter < 2)
     assert stopped.status == "interrupted" and stopped.iterations == 2 and np.isfinite(stopped.u).all()
+    with pytest.warns(signorini.NotConvergedWarning, match="interrupted"):
+        assert signorini.solve(**block, callback=lambda step: np.float64(step.iter) < 2).iterations == 2
+    for other in (None, 0, np.zeros(2)):
+        assert signorini.solve(**block, callback=lambda step, other=other: other).converged
 
 
 def test_exceptions_of_callbacks_come_out(block: dict[str, Any]) -> None:
@@ -67,6 +72,42 @@ def test_exceptions_of_callbacks_come_out(block: dict[str, Any]) -> None:
     with pytest.raises(KeyError):
         problem.solve(callback=fails)
     assert problem.solve().converged
+
+    class Closed(Exception):
+        solution = property(lambda self: 1)
+
+    def closed(step: object) -> None:
+        raise Closed
+
+    with pytest.raises(Closed):
+        problem.solve(callback=closed)
+    with pytest.raises(Closed):
+        signorini.solve_delassus(np.eye(3), [-1.0, 3.0, 0.0], friction=0.5, callback=closed)
+
+
+def test_callbacks_may_solve_other_problems_alone(block: dict[str, Any]) -> None:
+    """The problem itself would wait for ever; of another thread it waits until the solve is done."""
+    problem, other = signorini.Problem(**block), signorini.Problem(**block)
+    with pytest.raises(signorini.SolveError, match="solve copy.copy.problem. there") as caught:
+        problem.solve(callback=lambda step: problem.solve())
+    assert caught.value.solution.status == "interrupted"
+    with pytest.raises(signorini.SolveError, match="of the same problem"):
+        problem.solve(callback=lambda step: other.solve(callback=lambda step: problem.solve()))
+    expected = problem.solve(tolerance=1e-9).u
+    found: list[Any] = []
+    threads: list[threading.Thread] = []
+
+    def within(step: signorini.Step) -> None:
+        if step.iter == 1:
+            found.extend([one.solve(tolerance=1e-9).u for one in (other, copy.copy(problem))])
+            threads.append(threading.Thread(target=lambda: found.append(problem.solve(tolerance=1e-9).u)))
+            threads[0].start()
+
+    found.append(problem.solve(tolerance=1e-9, callback=within).u)
+    threads[0].join()
+    assert len(found) == 4
+    for u in found:
+        np.testing.assert_allclose(u, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
 def test_callbacks_run_on_the_calling_thread(block: dict[str, Any]) -> None:
@@ -149,12 +190,14 @@ def test_the_log(block: dict[str, Any], caplog: pytest.LogCaptureFixture) -> Non
     assert "load step 2 of 2, factor 1" in texts and not any(text.startswith("step ") for text in texts)
 
 
-def test_the_bar(block: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bar(block: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     signorini.solve(**block, progress=True)
     text = capsys.readouterr().err
     assert "█" * 30 in text and text.endswith("\n")
     signorini.solve(**block)
     assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys, "stderr", None)
+    assert signorini.solve(**block, progress=True).converged
 
 
 def test_no_convergence_is_a_warning_or_with_check_an_error(block: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import threading
 from typing import Any
 
@@ -197,7 +198,8 @@ WRONG = [
     ("coordinates", [[0.0]], "coordinates"),
     ("coordinates", [0.0, 0.0], "coordinates: expected an array of two dimensions"),
     ("coordinates", [[NAN, 0.0]], "coordinates"),
-    ("dim", 4, "dim: must be 2 or 3"),
+    ("dim", 4, "dim: must be the integer 2 or 3, not 4"),
+    ("dim", 2.0, "dim: must be the integer 2 or 3, not 2.0"),
     ("dim", 3, "T"),
     ("areas", [0.0], "area"),
     ("areas", [1.0, 1.0], "areas: expected 1 entries"),
@@ -279,8 +281,43 @@ def test_load_steps_remember_slip() -> None:
     np.testing.assert_allclose(forth.u[0], 2.5, atol=1e-5)
     np.testing.assert_allclose(back.u[0], 0.5, atol=1e-5)
     np.testing.assert_allclose(back.slip, [[-2.0, 0.0]], atol=1e-5)
-    with pytest.raises(ValueError, match="another dimension"):
-        problem.solve(after=signorini.solve([[1.0]], [1.0], normal=[[1.0]]))
+    # A copy is the same problem; others are not, whatever their size.
+    assert pickle.loads(pickle.dumps(problem)).solve(f=push, after=forth).converged
+    stiff = {**points_in_space(1), "K": 2.0 * scipy.sparse.identity(3)}
+    for other in (signorini.solve([[1.0]], [1.0], normal=[[1.0]]), signorini.solve(**points_in_space(2)), signorini.solve(**stiff)):
+        with pytest.raises(ValueError, match="after: that is the solution of another problem"):
+            problem.solve(after=other)
+
+
+def test_vectors_of_a_solve_obey_the_rules_of_the_problem(springs: dict[str, Any]) -> None:
+    """n need not be a multiple of d, and still f has n entries; overlaps must be intended; no friction without T."""
+    odd: dict[str, Any] = {"f": np.ones(3), "normal": [[1.0, 0, 0]], "tangential": [[0, 1.0, 0]], "gap": 0.1, "friction": 0.3}
+    problem = signorini.Problem(np.diag([1.0, 2.0, 3.0]), **odd)
+    for length in (2, 4):
+        with pytest.raises(ValueError, match=f"the load f has length {length}, expected 3"):
+            problem.solve(f=np.ones(length))
+    assert problem.solve(f=2 * np.ones(3)).converged
+    for other in (problem, pickle.loads(pickle.dumps(problem))):
+        with pytest.raises(ValueError, match=r"d\(0\) = -1e-1.*set interference to true"):
+            other.solve(gap=-0.1)
+    np.testing.assert_array_equal(problem.solve(gap=-1e-18).u, problem.solve(gap=0.0).u)
+    pressed = signorini.Problem(np.diag([1.0, 2.0, 3.0]), **odd, interference=True)
+    for other in (pressed, pickle.loads(pickle.dumps(pressed))):
+        np.testing.assert_allclose(other.solve(gap=-0.1).u[0], -0.1, atol=1e-6)
+    del springs["tangential"], springs["slip_bound"]
+    smooth = signorini.Problem(**springs)
+    for name in ("friction", "slip_bound", "slip_origin"):
+        for make in (smooth.solve, lambda **given: signorini.Problem(**springs, **given)):
+            with pytest.raises(ValueError, match="tangential: friction needs T"):
+                make(**{name: 0.3})
+
+
+def test_ties_have_no_friction(springs: dict[str, Any]) -> None:
+    held = solve(springs, tied=[True], gap=0.0)
+    del springs["slip_bound"]
+    problem = signorini.Problem(**{**springs, "tied": [True], "gap": 0.0, "friction": 0.01})
+    for solution in (problem.solve(), problem.solve(friction=0.02)):
+        np.testing.assert_array_equal(solution.u, held.u)
 
 
 def test_threads(block: dict[str, Any]) -> None:

@@ -367,12 +367,99 @@ def test_friction_of_a_model_may_change() -> None:
         alone = block(friction={"coulomb": 0.4}).traction("top", pressure=2e7, x=1e6).solve(tolerance=1e-9)
         np.testing.assert_allclose(found.u, alone.u, atol=1e-6 * np.abs(alone.u).max())
         assert "as given" in found.contacts["bottom"].friction
+    same = problem.solve(friction=0.1)
+    assert same.contacts["bottom"].friction == problem.solve().contacts["bottom"].friction == "Coulomb coefficient 0.1"
     for wrong, text in (({"top": 1.0}, "there is no contact 'top'"), ([0.1], "friction: expected 12 entries")):
         with pytest.raises(ValueError, match=text):
             problem.solve(friction=wrong)
     for name in ("f", "gap", "slip_bound", "slip_origin"):
         with pytest.raises(ValueError, match=f"{name}: a model states its own loads"):
             problem.solve(**{name: 1.0})
+
+
+def stacked(lower: str, **upper: Any) -> signorini.Model:
+    """Two blocks on a floor, one tied to the other, and a smooth wall."""
+    part = signorini.rectangle([2, 1], [8, 4])
+    mesh = signorini.Mesh.join({"low": part, "high": part}, shift={"high": [0, 1]})
+    model = signorini.Model(mesh).material(young=1e9, poisson=0.3).traction("high-top", pressure=1e6, x=-2e4)
+    model.tie("low-top", "high-bottom", name="tie").contact("low-bottom", obstacle=FLOOR, name=lower, friction={"coulomb": 0.1})
+    wall = {"obstacle": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}
+    return model.contact("low-left", **{**wall, **upper})
+
+
+def test_friction_given_to_a_solve_is_that_of_contacts_alone(tmp_path: Path) -> None:
+    """Ties stay ties, contacts that are not named keep their law, and files say the same."""
+    model = stacked("floor", name="wall")
+    plain = model.solve(tolerance=1e-9)
+    problem = model.build()
+    rough = problem.solve(friction={"floor": 0.4}, tolerance=1e-9)
+    laws = {name: contact.friction for name, contact in rough.contacts.items()}
+    assert laws == {"floor": "Coulomb, as given to the solve", "wall": "no friction", "tie": "tied"}
+    rough.write(tmp_path)
+    written = json.loads((tmp_path / "report.json").read_text())
+    assert written["steps"] == rough.report["steps"]
+    everywhere = problem.solve(friction=0.1, tolerance=1e-9)
+    assert set(everywhere.contacts["tie"].state) == {"tied"} and everywhere.contacts["tie"].friction == "tied"
+    np.testing.assert_allclose(everywhere.contacts["tie"].slip, 0.0, atol=1e-12)
+    assert everywhere.contacts["wall"].friction == "Coulomb, as given to the solve"
+    smooth = problem.solve(friction={"wall": 0.2, "floor": 0.0})
+    assert smooth.contacts["floor"].friction.startswith("no friction")
+    with pytest.raises(ValueError, match="friction: 'tie' is a tie or another joint"):
+        problem.solve(friction={"tie": 0.3})
+    np.testing.assert_allclose(problem.solve(tolerance=1e-9).u, plain.u, atol=1e-6 * np.abs(plain.u).max())
+
+
+def test_contacts_of_one_name() -> None:
+    """Friction by a name that two contacts have is an error, unless both are listed."""
+    problem = stacked("base", name="base").build()
+    assert problem.contacts[:2] == ["base", "base'"]
+    with pytest.raises(ValueError, match="several contacts are called 'base': give each its own name, or list 'base', \"base'\""):
+        problem.solve(friction={"base": 0.3})
+    both = problem.solve(friction={"base": 0.3, "base'": 0.2})
+    assert [both.contacts[name].friction for name in ("base", "base'")] == ["Coulomb, as given to the solve"] * 2
+
+
+def test_arguments_of_models_are_copied() -> None:
+    mesh = signorini.rectangle([2, 1], [4, 2])
+    values, gravity, factors, point = np.full(len(mesh.points), 1e5), np.array([0.0, -9.81]), [1.0, 2.0], [2.0, 0.0]
+    terms: list[dict[str, Any]] = [{"point": point, "x": 1}, {"point": [0.0, 0.0], "x": -1}]
+    model = signorini.Model(mesh).traction("top", y=values).analysis(gravity=gravity).steps(factors).equation(terms)
+    before = model.toml
+    values[:], gravity[:], point[0], terms[1]["x"] = 0.0, 1.0, 1.0, 5
+    factors.append(3.0)
+    assert model.toml == before
+
+
+def test_values_that_no_case_can_have() -> None:
+    masked = np.ma.masked_greater(np.arange(65.0), 60.0)
+    for value in (masked, lambda x: masked, [masked], masked[64]):
+        with pytest.raises(ValueError, match="pressure: masked arrays have entries without a value"):
+            block().traction("top", pressure=value)
+    for value in (10**30, [10**30], np.array([2**63], dtype=np.uint64)):
+        with pytest.raises(ValueError, match="pressure: [0-9]+ is too large for an integer; pass a float"):
+            block().traction("top", pressure=value)
+    for entries in ({"thickness": -1.0}, {"rotation": {"speed": np.inf}}):
+        with pytest.raises(signorini.ModelError, match="|".join(entries)):
+            block().analysis(**entries)
+
+
+def test_states_are_those_of_their_load_step() -> None:
+    """A tie and a support that do not act are no ties then, and nothing slips where a step has no friction."""
+    model = stacked("floor", name="wall", active=[1, 0, 1])
+    model._tables = [one for one in model._tables if one[0] != "tie"]
+    model.tie("low-top", "high-bottom", name="tie", active=[0, 1, 1]).contact("low-top", "high-bottom", name="joint", active=[1, 0, 0])
+    model.contact("high-left", obstacle={"half_plane": {"point": [0, 0], "normal": [1, 0]}}, friction={"coulomb": 0.2}, friction_factors=[0, 1, 0])
+    model.support("high-right", x=0, active=[0, 1, 0])
+    solution = model.steps([1, 1, 1]).solve()
+    for step in solution.steps:
+        counted = np.concatenate([contact.state for contact in step.contacts.values()])
+        # Those of supports come last.
+        assert list(step.state[: len(counted)]) == list(counted)
+    assert [set(step.contacts["tie"].state) for step in solution.steps] == [{"separated"}, {"tied"}, {"tied"}]
+    of_support = [set(step.state[len(counted) :]) for step in solution.steps]
+    assert of_support == [{"separated"}, {"tied"}, {"separated"}]
+    assert "slip" not in solution.steps[0].contacts["high-left"].state
+    assert pickle.loads(pickle.dumps(solution)).state.tolist() == solution.state.tolist()
 
 
 def same_as_files(solution: signorini.Solution, directory: Path) -> None:
@@ -535,6 +622,9 @@ def test_meshes_of_arrays() -> None:
     np.testing.assert_array_equal(copy.points, mesh.points)
     assert repr(copy) == repr(mesh) and "array" not in repr(mesh)
     assert list(copy.regions) == list(mesh.regions)
+    # Elements are numbered in the order of the arrays, kind by kind or not.
+    mixed = signorini.Mesh(points, [("triangle", [[1, 2, 5]]), ("quad", [[0, 1, 4, 3]]), ("triangle", [[1, 5, 4]])])
+    assert {kind: of.tolist() for kind, of in mixed.cell_numbers.items()} == {"triangle": [0, 2], "quad": [1]}
 
 
 WRONG_MESHES = [
@@ -730,5 +820,18 @@ def test_join_and_map() -> None:
         signorini.Mesh.join({"a": part, "c": signorini.box([1, 1, 1], [1, 1, 1])})
     with pytest.raises(signorini.ModelError, match="positive sizes"):
         signorini.box([1, 1, 0], [1, 1, 1])
-    with pytest.raises(ValueError, match="shift: expected 2 numbers"):
-        signorini.Mesh.join({"a": part}, shift={"a": [1, 2, 3]})
+    for wrong in ([1, 2, 3], [np.nan, 0]):
+        with pytest.raises(ValueError, match="shift, 'a': expected 2 finite numbers"):
+            signorini.Mesh.join({"a": part}, shift={"a": wrong})
+    with pytest.raises(ValueError, match="shift: there is no part 'B'; there are 'a', 'b'"):
+        signorini.Mesh.join({"a": part, "b": part}, shift={"B": [5, 0]})
+
+
+def test_names_of_joined_parts_differ() -> None:
+    points, cells = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), {"quad": [[0, 1, 2, 3]]}
+    kinds: list[tuple[str, Any]] = [("regions", [0]), ("boundaries", [[0, 1]]), ("node_sets", [0])]
+    for kind, of in kinds:
+        one = signorini.Mesh(points, cells, **{kind: {"b-c": of}})
+        other = signorini.Mesh(points + [0, 5], cells, **{kind: {"c": of}})
+        with pytest.raises(signorini.ModelError, match="a region or boundary called \"a-b-c\": give the parts other names"):
+            signorini.Mesh.join({"a": one, "a-b": other})

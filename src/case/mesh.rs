@@ -354,10 +354,7 @@ impl Case {
     where
         ElementKind: Topology<D>,
     {
-        let group = (mesh.groups.keys()).find(|&name| before.groups.contains_key(name));
-        let boundary =
-            || (mesh.boundaries.keys()).find(|&name| before.boundaries.contains_key(name));
-        match group.or_else(boundary) {
+        match structured::shared_name(&before, &mesh) {
             None => Ok(structured::join(before, mesh)),
             Some(name) => self.invalid(
                 at,

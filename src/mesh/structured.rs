@@ -195,10 +195,22 @@ pub fn block(
     }
 }
 
+/// A name that both meshes have: of a region or a group, or of a boundary or a set of nodes.
+pub fn shared_name<'a, const D: usize>(a: &Mesh<D>, b: &'a Mesh<D>) -> Option<&'a str>
+where
+    ElementKind: Topology<D>,
+{
+    let group = b.groups.keys().find(|&name| a.groups.contains_key(name));
+    let mut places = b.boundaries.keys().chain(b.node_sets.keys());
+    let is_place =
+        |name: &&String| a.boundaries.contains_key(*name) || a.node_sets.contains_key(*name);
+    group.or_else(|| places.find(is_place)).map(String::as_str)
+}
+
 /// Two meshes as one: nodes and elements of `b` follow those of `a`; the parts share no node.
 ///
 /// # Panics
-/// If both have a region, a group or a boundary of the same name.
+/// If both have a [name in common](shared_name).
 pub fn join<const D: usize>(mut a: Mesh<D>, mut b: Mesh<D>) -> Mesh<D>
 where
     ElementKind: Topology<D>,

@@ -1,6 +1,6 @@
 mod solid;
 
-use super::structured::{CellShape, SolidShape, block, join, rectangle};
+use super::structured::{CellShape, SolidShape, block, join, rectangle, shared_name};
 use super::*;
 
 const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
@@ -160,6 +160,10 @@ fn joined_meshes_are_bodies_of_their_own() {
         }
     }
     assert_eq!(both.bounding_box(), ([0.0, 0.0], [2.0, 1.0]));
+    let mut other = part(3.0, "c");
+    assert_eq!(shared_name(&both, &other), None);
+    other.node_sets.insert("aleft".to_owned(), vec![0]);
+    assert_eq!(shared_name(&both, &other), Some("aleft"));
 }
 
 #[test]

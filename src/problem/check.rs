@@ -296,24 +296,21 @@ pub(super) fn checked_but_for_rank<const D: usize>(
             value: diagonal[i],
         });
     }
-    let touching = touching(&data, &diagonal);
-    for gap in data.gap.iter_mut().filter(|gap| **gap >= -touching) {
-        *gap = gap.max(0.0);
-    }
-    if let Some(i) = data.gap.iter().position(|&v| v < 0.0) {
-        return Err(ProblemError::NegativeGap {
-            row: i + 1,
-            value: data.gap[i],
-        });
-    }
+    let coordinates = data.coordinates.as_deref();
+    open_gap(&mut data.gap, coordinates, &data.load, &diagonal)?;
     let m = data.gap.len();
     slip_bound(&mut data.slip_bound, m)?;
     Ok(data)
 }
 
-/// How far below 0 a gap may be by rounding: of the coordinates that it was measured with, and of the motion of a
-/// single unknown under the load. Not of other gaps, because a large one means that there is no obstacle.
-fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
+/// d ≥ 0, but for rounding: of the coordinates that it was measured with, and of the motion of a single unknown under the
+/// load. Not of other gaps, because a large one means that there is no obstacle.
+pub(super) fn open_gap<const D: usize>(
+    gap: &mut [f64],
+    coordinates: Option<&[[f64; D]]>,
+    load: &[f64],
+    diagonal: &[f64],
+) -> Result<(), ProblemError> {
     /// For coordinates: sums of some hundred terms have this accuracy.
     const OF_PLACES: f64 = 1e-14;
     /// A part of the largest displacement, far below the resolution of tolerances.
@@ -322,9 +319,19 @@ fn touching<const D: usize>(data: &ContactData<D>, diagonal: &[f64]) -> f64 {
         all.filter(|x| x.is_finite())
             .fold(0.0, |a: f64, x| a.max(x.abs()))
     };
-    let places = largest(&mut data.coordinates.iter().flatten().flatten().copied());
-    let moved = largest(&mut data.load.iter().zip(diagonal).map(|(f, k)| f / k));
-    (OF_PLACES * places).max(OF_MOVED * moved)
+    let places = largest(&mut coordinates.iter().copied().flatten().flatten().copied());
+    let moved = largest(&mut load.iter().zip(diagonal).map(|(f, k)| f / k));
+    let touching = (OF_PLACES * places).max(OF_MOVED * moved);
+    for gap in gap.iter_mut().filter(|gap| **gap >= -touching) {
+        *gap = gap.max(0.0);
+    }
+    match gap.iter().position(|&v| v < 0.0) {
+        Some(i) => Err(ProblemError::NegativeGap {
+            row: i + 1,
+            value: gap[i],
+        }),
+        None => Ok(()),
+    }
 }
 
 fn shapes<const D: usize>(data: &ContactData<D>) -> Result<(), ProblemError> {

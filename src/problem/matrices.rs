@@ -115,6 +115,15 @@ impl<const D: usize> ContactProblem<D> {
             false => Ok(problem),
         }
     }
+
+    /// Another gap, which must be as [`ContactProblem::new`] wants it: at least 0, but for rounding.
+    ///
+    /// # Errors
+    /// That of an entry below 0, and those of [`ContactProblem::with_gap`].
+    pub fn with_open_gap(self, mut gap: Vec<f64>) -> Result<Self, ProblemError> {
+        check::open_gap(&mut gap, self.coordinates(), self.load(), self.diagonal())?;
+        self.with_gap(gap)
+    }
 }
 
 /// A borrowed sparse matrix of scalars, in compressed rows or columns counted from 0.
