@@ -804,6 +804,21 @@ where
         part.entity(number)
     }
 
+    /// The equation at a place whose terms are all held, among all connections.
+    fn held_equation(
+        &self,
+        contact: &ContactRows<D>,
+        pair_of: &[u32],
+        place: &Location,
+    ) -> Option<usize> {
+        let found = contact.numbered().find(|&(row, _, at)| {
+            let kind = self.pair_entity(pair_of[row] as usize).kind;
+            let is_held = contact.normal.row(row).0.is_empty();
+            kind == EntityKind::Equation && is_held && Location::from(at.place) == *place
+        });
+        found.map(|(row, ..)| pair_of[row] as usize)
+    }
+
     /// Checks that apply to all load steps before the first, with the prescribed displacements `first`: supports that
     /// contradict each other, or drive fixed nodes into the other side.
     pub(super) fn foresee(
@@ -867,6 +882,18 @@ where
             let Err(error) = contact.check_stated(unknowns, acts, stated) else {
                 continue;
             };
+            if let ContactError::DrivenApart { place, apart } = &error
+                && let Some(number) = self.held_equation(contact, pair_of, place)
+            {
+                let step = match self.n_steps() {
+                    1 => String::new(),
+                    _ => format!("in load step {} ", step + 1),
+                };
+                return Err(self.pair_entity(number).error(format!(
+                    "{step}supports hold all of its terms at {place}, and their sum differs by {apart:.3e} from its value: change the value, \
+                     or free a node"
+                )));
+            }
             // The support that moves the node most.
             let by = |&(node, c, _): &(u32, usize, usize)| {
                 unknowns.prescribed(node)[c].unwrap_or(0.0).abs()
