@@ -70,6 +70,10 @@ where
     pub faults: BTreeMap<String, FacetFault<D>>,
     /// Entries of its file that have no effect, and parts that were not counted.
     pub notes: Vec<String>,
+    /// The node behind a cut that each node in front of it has been.
+    pub(crate) twins: BTreeMap<u32, u32>,
+    /// How many nodes sets have lost, because no element has them.
+    pub(crate) lost: BTreeMap<String, usize>,
 }
 
 /// The parts of a [`Mesh`]: see its fields.
@@ -360,6 +364,8 @@ where
             node_sets: parts.node_sets,
             faults: BTreeMap::new(),
             notes: parts.notes,
+            twins: BTreeMap::new(),
+            lost: BTreeMap::new(),
         };
         if mesh.groups.is_empty() {
             mesh.group_regions();
@@ -457,8 +463,12 @@ where
             }
         }
         self.nodes = kept;
-        for set in self.node_sets.values_mut() {
+        for (name, set) in &mut self.node_sets {
+            let before = set.len();
             set.retain(|&node| new_number[node as usize] != u32::MAX);
+            if set.len() < before {
+                self.lost.insert(name.clone(), before - set.len());
+            }
         }
         self.renumber(|node| new_number[node as usize]);
     }
@@ -501,6 +511,7 @@ where
         keys(&mut self.groups, region);
         keys(&mut self.boundaries, &boundary);
         keys(&mut self.node_sets, &boundary);
+        keys(&mut self.lost, &boundary);
         keys(&mut self.faults, boundary);
     }
 

@@ -588,6 +588,17 @@ impl<const D: usize> Definition<D> {
                 "jump is a part of the wear: at least 0, and less than 1",
             );
         }
+        let wears = self.pairs.iter().any(|pair| pair.wear.is_some());
+        let repeats = self
+            .steps
+            .as_ref()
+            .is_some_and(|steps| steps.cycles.is_some());
+        if jump.is_some_and(|jump| jump > 0.0) && !(wears && repeats) {
+            return of_steps(
+                "jump",
+                "jump leaves out cycles of contacts that wear: state cycles, and the wear of a contact, or leave it out",
+            );
+        }
         let n_steps = self.n_steps();
         for (number, part) in self.parts() {
             for (key, factors) in part.facts().factors {

@@ -146,6 +146,8 @@ where
             node_sets: Default::default(),
             faults: Default::default(),
             notes: Default::default(),
+            twins: Default::default(),
+            lost: Default::default(),
         };
         let linear = Body {
             mesh: &linear,

@@ -197,6 +197,7 @@ where
             set.extend(copies);
         }
         for &node in &nodes {
+            self.twins.insert(self.nodes.len() as u32, node);
             self.nodes.push(self.nodes[node as usize]);
         }
         Ok(Cut {

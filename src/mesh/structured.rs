@@ -81,6 +81,8 @@ pub fn rectangle(
         node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
+        twins: BTreeMap::new(),
+        lost: BTreeMap::new(),
     }
 }
 
@@ -192,6 +194,8 @@ pub fn block(
         node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
+        twins: BTreeMap::new(),
+        lost: BTreeMap::new(),
     }
 }
 
@@ -228,6 +232,7 @@ where
         assert!(a.groups.insert(name, members).is_none());
     }
     a.faults.extend(b.faults);
+    a.lost.extend(b.lost);
     for note in b.notes {
         if !a.notes.contains(&note) {
             a.notes.push(note);

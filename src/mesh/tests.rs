@@ -197,6 +197,8 @@ pub(crate) fn in_space(nodes: Vec<[f64; 3]>) -> Mesh<3> {
         node_sets: BTreeMap::new(),
         faults: BTreeMap::new(),
         notes: Vec::new(),
+        twins: BTreeMap::new(),
+        lost: BTreeMap::new(),
     }
 }
 

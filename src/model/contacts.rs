@@ -295,7 +295,7 @@ pub(super) fn held_on_both<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
-    /// The cosine of an angle between directions above which they count as one, as [`SAME`].
+    /// The part of a direction among others above which it is one of them, or between them.
     const SAME_WAY: f64 = 1.0 - 1e-9;
     let size = largest_facet(mesh, facets);
     let there = others.iter().flat_map(facet_nodes);
@@ -304,8 +304,8 @@ where
         .collect();
     let is_held = |x: [f64; D], way: &[f64; D]| {
         near.iter().any(|(node, ways)| {
-            length(minus(mesh.nodes[*node as usize], x)) <= size
-                && ways.iter().any(|other| dot(*other, *way).abs() > SAME_WAY)
+            let along = ways.iter().map(|other| dot(*other, *way).powi(2));
+            length(minus(mesh.nodes[*node as usize], x)) <= size && along.sum::<f64>() > SAME_WAY
         })
     };
     let mut held = of_other.clone();
@@ -877,6 +877,21 @@ where
         part.entity(number)
     }
 
+    /// The equation at a place whose terms are all held, among all connections.
+    fn held_equation(
+        &self,
+        contact: &ContactRows<D>,
+        pair_of: &[u32],
+        place: &Location,
+    ) -> Option<usize> {
+        let found = contact.numbered().find(|&(row, _, at)| {
+            let kind = self.pair_entity(pair_of[row] as usize).kind;
+            let is_held = contact.normal.row(row).0.is_empty();
+            kind == EntityKind::Equation && is_held && Location::from(at.place) == *place
+        });
+        found.map(|(row, ..)| pair_of[row] as usize)
+    }
+
     /// Checks that apply to all load steps before the first, with the prescribed displacements `first`: supports that
     /// contradict each other, or drive fixed nodes into the other side.
     pub(super) fn foresee(
@@ -940,6 +955,18 @@ where
             let Err(error) = contact.check_stated(unknowns, acts, stated) else {
                 continue;
             };
+            if let ContactError::DrivenApart { place, apart } = &error
+                && let Some(number) = self.held_equation(contact, pair_of, place)
+            {
+                let step = match self.n_steps() {
+                    1 => String::new(),
+                    _ => format!("in load step {} ", step + 1),
+                };
+                return Err(self.pair_entity(number).error(format!(
+                    "{step}supports hold all of its terms at {place}, and their sum differs by {apart:.3e} from its value: change the value, \
+                     or free a node"
+                )));
+            }
             // The support that moves the node most.
             let by = |&(node, c, _): &(u32, usize, usize)| {
                 unknowns.prescribed(node)[c].unwrap_or(0.0).abs()

@@ -191,7 +191,8 @@ where
                 let (shares, _) = area_shares(body, &outer_facets(mesh, names.all())?);
                 distributing(&motions, shares)
             }
-            _ => distributing(&motions, alike(&nodes)),
+            (_, Some(target)) => distributing(&motions, alike(&target.uncut_nodes(mesh)?)),
+            (_, None) => distributing(&motions, alike(&nodes)),
         };
         let known: Vec<usize> = (0..motions.ways.len())
             .filter(|&k| found.is_known(k))

@@ -8,19 +8,23 @@ use super::axis::Axis;
 use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, held_on_both, largest_facet};
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
 use super::error::{EntityKind, Fault};
-use super::loads::outer_facets;
+use super::loads::{area_shares, outer_facets};
+use super::revolution::ON_AXIS;
 use super::stated::Flaw;
 use crate::contact::{
     ContactError, ContactPlace, Friction, PairOptions, Seams, Space, mortar_contact,
 };
 use crate::elasticity::Body;
 use crate::mesh::structured::join;
-use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, nodes_of_facets};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 use std::collections::HashSet;
 use std::f64::consts::TAU;
+
+/// A side is tied if at least this part of its area has the other side opposite. Curved sides whose meshes do not match miss a little.
+const MET: f64 = 0.9;
 
 /// Both sides of a sector, one of several equal ones about an axis. Bodies, loads, supports and contacts are those of one sector.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -102,15 +106,34 @@ where
             return Err(Fault::Stated(text.to_owned()));
         }
         let ([low, high], angle) = self.sides(body.mesh)?;
-        let found = self.tied(body, [&low, &high], held, angle);
-        let places = found.map_err(|error| match error {
+        let sides = [&low[..], &high];
+        let of_sides = format!(
+            "of \"{}\", turned by 360/{} degrees about {}, lies on \"{}\"",
+            self.low, self.sectors, self.axis, self.high
+        );
+        let remedy = "check the axis and the number of sectors";
+        let stated = |error| match error {
             ContactError::Apart { nearest, .. } => Fault::Stated(format!(
-                "no part of \"{}\", turned by 360/{} degrees about {}, lies on \"{}\"; they are at least {nearest:.3e} apart: check the \
-                 axis and the number of sectors",
-                self.low, self.sectors, self.axis, self.high
+                "no part {of_sides}; they are at least {nearest:.3e} apart: {remedy}"
             )),
             error => Fault::Contact(error),
-        })?;
+        };
+        let area = |places: &[ContactPlace<D>]| places.iter().map(|place| place.area).sum::<f64>();
+        let places = self.tied(body, sides, held, angle).map_err(stated)?;
+        let whole = sides.map(|facets| area_shares(body, facets).1);
+        let whole = whole[0].max(whole[1]);
+        // Where supports hold both sides, nodes have no part of the area.
+        let mut met = area(&places) / whole;
+        if met < MET && !held.is_empty() {
+            let free = self.tied(body, sides, &Directions::new(), angle);
+            met = area(&free.map_err(stated)?) / whole;
+        }
+        if met < MET {
+            let part = 100.0 * met;
+            return Err(Fault::Stated(format!(
+                "only {part:.0} % {of_sides}: {remedy}"
+            )));
+        }
         let data = PairData {
             tied: true,
             ..PairData::between(
@@ -239,8 +262,7 @@ where
         });
         let of_copy: Directions<D> = of_copy.collect();
         let size = largest_facet(body.mesh, high);
-        let mut held = held_on_both(&both, [high, &opposite], [of_mesh, &of_copy]);
-        held.extend(of_copy);
+        let held = held_on_both(&both, [high, &opposite], [of_mesh, &of_copy]);
         let options = PairOptions {
             friction: Friction::Tied,
             gap: Some(&|_| 0.0),
@@ -255,14 +277,23 @@ where
             ..*body
         };
         let found = mortar_contact(&of_both, high, &opposite, &options)?;
+        let (lowest, highest) = body.mesh.bounding_box();
+        let on_axis = ON_AXIS * length(minus(highest, lowest));
         Ok((found.places.into_iter())
-            .map(|place| {
-                let own: Vec<[Vec<(u32, f64)>; 2]> = (0..D)
-                    .map(|a| [place.sides(a)[0].to_vec(), Vec::new()])
-                    .collect();
+            .map(|mut place| {
+                let is_on_axis = length(self.axis.across(place.place)) <= on_axis;
+                let free = is_on_axis
+                    .then(|| self.along_axis(&mut place.frame))
+                    .flatten();
+                let sides = |a: usize, side: usize| match free {
+                    Some(free) if free == a => &[][..],
+                    _ => place.sides(a)[side],
+                };
+                let own: Vec<[Vec<(u32, f64)>; 2]> =
+                    (0..D).map(|a| [sides(a, 0).to_vec(), Vec::new()]).collect();
                 let further = (0..D).map(|a| {
                     let way = place.frame[a];
-                    let partners = place.sides(a)[1].iter();
+                    let partners = sides(a, 1).iter();
                     let terms = partners.map(|&(node, weight)| {
                         // way · R u, where u is the displacement of the node before the turn.
                         let back =
@@ -279,5 +310,25 @@ where
                 }
             })
             .collect())
+    }
+
+    /// Turns a frame so that one of its directions, whose number is returned, is along the axis; none of the plane is. Both sides have the same
+    /// place on the axis: along it nothing ties the place to itself, and by symmetry sides pass on no force there.
+    fn along_axis(&self, frame: &mut [[f64; D]; D]) -> Option<usize> {
+        let [.., axis] = self.axis.any_directions();
+        let part = |a: &usize| dot(frame[*a], axis).abs();
+        let along = (0..D).max_by(|a, b| part(a).total_cmp(&part(b)));
+        let along = along.filter(|a| part(a) > 0.0)?;
+        let mut before = vec![axis];
+        for a in (0..D).filter(|&a| a != along) {
+            for other in &before {
+                let part = dot(frame[a], *other);
+                frame[a] = from_fn(|c| frame[a][c] - part * other[c]);
+            }
+            frame[a] = unit(frame[a]);
+            before.push(frame[a]);
+        }
+        frame[along] = axis;
+        Some(along)
     }
 }

@@ -173,7 +173,10 @@ where
 {
     /// Its places, one for each equation.
     pub(super) fn find(&self, body: &Body<D>, units: &Units) -> Result<Found<D>, Fault> {
-        let nodes = self.terms.iter().map(|term| term.target().nodes(body.mesh));
+        let nodes = self
+            .terms
+            .iter()
+            .map(|term| term.target().uncut_nodes(body.mesh));
         let nodes = nodes.collect::<Result<Vec<Vec<u32>>, Fault>>()?;
         let count = nodes.iter().map(Vec::len).max().unwrap_or(0);
         if let Some(odd) = nodes

@@ -1,6 +1,6 @@
 //! The forces of each load step.
 
-use super::entities::{Part as _, Traction};
+use super::entities::{Part as _, Target, Traction};
 use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::{Changes, Definition, Driven, Elastic, Quantity};
 use crate::contact::Space;
@@ -404,10 +404,19 @@ where
         for (number, f) in self.forces.iter().enumerate() {
             let at_fault = |fault: Fault| f.entity(number).error(fault);
             let factor = self.factor(&f.factors, time);
-            for node in f.target().nodes(body.mesh).map_err(at_fault)? {
+            let nodes = f.target().uncut_nodes(body.mesh);
+            lost_nodes(body.mesh, f.target()).map_err(at_fault)?;
+            for node in nodes.map_err(at_fault)? {
                 let x = body.mesh.nodes[node as usize];
                 let components = f.components();
                 let added = components.map(|component| factor * at(component, x));
+                if self.is_on_axis(x) && added[0] != 0.0 {
+                    return Err(at_fault(Fault::Stated(format!(
+                        "its node at {} is on the axis of the body of revolution, where a radial force does nothing: take the node out, or \
+                         leave out x",
+                        Location::from(x)
+                    ))));
+                }
                 let sum = &mut forces[node as usize];
                 (0..D).for_each(|c| sum[c] += added[c]);
                 finite(&[*sum], &[x], "force").map_err(at_fault)?;
@@ -458,6 +467,23 @@ where
             ))),
             _ => Ok(forces),
         }
+    }
+}
+
+/// Whether sets of nodes that a load is on have nodes without elements, which the mesh has left out.
+fn lost_nodes<const D: usize>(mesh: &Mesh<D>, target: Target<D>) -> Result<(), Fault>
+where
+    ElementKind: Topology<D>,
+{
+    let Target::Nodes(names) = target else {
+        return Ok(());
+    };
+    let mut all = names.all().iter();
+    match all.find_map(|name| Some((name, mesh.lost.get(name)?))) {
+        None => Ok(()),
+        Some((name, lost)) => Err(Fault::Stated(format!(
+            "{lost} of the nodes of the set \"{name}\" belong to no element, and nothing there takes a force: take them out of the set"
+        ))),
     }
 }
 

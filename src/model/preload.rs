@@ -10,6 +10,7 @@ use super::entities::{Facts, NO_BOUNDARY, Names, Part, by_step, with_a_name};
 use super::error::{EntityKind, Fault, listed};
 use super::loads::{area_shares, known, region};
 use super::stated::{self, Flaw};
+use super::supports::NEAR;
 use super::{Definition, PairData, Units};
 use crate::contact::{ContactPlace, SlipBound, Space, frame, mean};
 use crate::elasticity::Body;
@@ -268,6 +269,15 @@ where
 
     /// The section nearest to the point of a plane.
     fn nearest(&self, mesh: &Mesh<D>, plane: &Plane<D>) -> Result<Vec<Between<D>>, Fault> {
+        let (low, high) = mesh.bounding_box();
+        let nearest: [f64; D] = std::array::from_fn(|c| plane.point[c].clamp(low[c], high[c]));
+        let far = length(minus(plane.point, nearest));
+        if far > NEAR * length(minus(high, low)) {
+            return Err(Fault::Stated(format!(
+                "the point of its plane, {}, is {far:.3e} outside of the box around the bodies: move it into the bolt",
+                Location::from(plane.point)
+            )));
+        }
         let mut wanted: Option<HashSet<u32>> = None;
         for name in self.region.iter().flat_map(Names::all) {
             let set = wanted.get_or_insert_default();

@@ -11,7 +11,7 @@ use crate::mesh::{ElementKind, Location, Mesh};
 /// The name of the set of nodes on the axis, and of the support that holds them there.
 const AXIS: &str = "axis of revolution";
 /// Nodes this close to the axis, relative to the size of the mesh, are on it: files have six digits at least.
-const ON_AXIS: f64 = 1e-6;
+pub(super) const ON_AXIS: f64 = 1e-6;
 
 impl<const D: usize> Definition<D> {
     fn is_of_revolution(&self) -> bool {

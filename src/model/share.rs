@@ -832,6 +832,8 @@ where
             node_sets: BTreeMap::new(),
             faults: BTreeMap::new(),
             notes: Vec::new(),
+            twins: BTreeMap::new(),
+            lost: BTreeMap::new(),
         };
         part.coordinates = Vec::new();
         let unknowns = part.unknowns(mesh.nodes.len(), 0);

@@ -208,7 +208,7 @@ where
         let names = match target {
             Target::Boundary(names) => names,
             Target::Point(_) | Target::Nodes(_) => {
-                let nodes = target.nodes(body.mesh)?;
+                let nodes = target.uncut_nodes(body.mesh)?;
                 let share = (nodes.len() as f64).recip();
                 return Ok(nodes.into_iter().map(|node| (node, share)).collect());
             }
@@ -227,6 +227,11 @@ where
             Some(to) => Self::shares(body, to.target())?,
             None => Vec::new(),
         };
+        if own == partners {
+            let text =
+                "both ends of the spring are the same nodes, so that it has no force: move one end";
+            return Err(Fault::Stated(text.to_owned()));
+        }
         let middle = |nodes: &[(u32, f64)]| mean(nodes, |node| body.mesh.nodes[node as usize]);
         let place = middle(&own);
         let way = self

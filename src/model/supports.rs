@@ -169,6 +169,19 @@ impl<const D: usize> Target<'_, D> {
         nodes.dedup();
         Ok(nodes)
     }
+
+    /// Those that a load or a mean counts, in the order of the mesh before cuts: one where a cut has made two of a node.
+    pub(super) fn uncut_nodes(self, mesh: &Mesh<D>) -> Result<Vec<u32>, Fault>
+    where
+        ElementKind: Topology<D>,
+    {
+        let mut nodes = self.nodes(mesh)?;
+        let before = |node: u32| mesh.twins.get(&node).copied().unwrap_or(node);
+        // Those behind the cut come first.
+        nodes.sort_by_key(|&node| before(node));
+        nodes.dedup_by_key(|node| before(*node));
+        Ok(nodes)
+    }
 }
 
 /// The nodes of sets, each once.
@@ -367,6 +380,9 @@ where
     length(minus(high, low))
 }
 
+/// A stated point is on the bodies or away from them by at most this part of their size.
+pub(super) const NEAR: f64 = 0.05;
+
 /// The node nearest to a point, which has to be on the body or close to it.
 fn nearest_node<const D: usize>(mesh: &Mesh<D>, point: [f64; D]) -> Result<u32, Fault>
 where
@@ -379,7 +395,7 @@ where
         .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
         .expect("a mesh has nodes");
     let far = distance(&nearest);
-    if far <= 0.05 * diagonal(mesh) {
+    if far <= NEAR * diagonal(mesh) {
         return Ok(nearest);
     }
     let point: Vec<String> = point.iter().map(f64::to_string).collect();

@@ -3,7 +3,7 @@
 use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::dense::pseudo_inverse;
-use crate::elasticity::Plane;
+use crate::elasticity::{Hyperelastic, Plane};
 use crate::mesh::vector::{cross, dot, length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
 use crate::model::{Driven, Elastic, PairData};
@@ -157,6 +157,19 @@ where
     })
 }
 
+/// The regions with a law of large displacements where displacements are small.
+fn without_law<const D: usize>(elastic: &Elastic<D>) -> impl Iterator<Item = String>
+where
+    ElementKind: Space<D>,
+{
+    let regions = elastic.mesh.regions.iter().zip(&elastic.materials);
+    let stated = regions.filter(|(_, m)| !elastic.is_large() && m.law != Hyperelastic::default());
+    stated.map(|(name, _)| {
+        format!("region {name}: the law of its material has no effect, because displacements are small: state geometry = \"large\" under \
+                 [analysis], or leave law out")
+    })
+}
+
 /// The largest relative motion of the sides of each contact between bodies; moving together does not bring them closer.
 pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
 where
@@ -186,6 +199,7 @@ where
     let mut hints = elastic.mesh.notes.clone();
     hints.extend(locking(elastic));
     hints.extend(without_modes(elastic));
+    hints.extend(without_law(elastic));
     hints.extend(held_sections(of, contacts));
     if !elastic.is_large() {
         hints.extend(turned(of));

@@ -414,6 +414,10 @@ fn entries_invalid_for_a_ring_are_refused() {
             "x is radial and y axial",
         ),
         (
+            refused("", straight, "[[force]]\nboundary = \"top\"\nx = 1\n"),
+            "is on the axis of the body of revolution",
+        ),
+        (
             refused("", straight, "[[support]]\nboundary = \"left\"\nx = 0.1\n"),
             "prescribe different displacements in x",
         ),

@@ -8,7 +8,10 @@ use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh, facet};
-use signorini::model::{Coupling, Model, Pair, Preload, Quantity, Support, Temperature, Traction};
+use signorini::model::{
+    Coupling, Equation, Force, Model, Pair, Preload, Quantity, Spring, Support, Temperature,
+    Traction,
+};
 use signorini::output::{ContactReport, StepReport};
 use signorini::ssnm::Status;
 
@@ -270,6 +273,68 @@ where
     found.report().contacts.remove(0)
 }
 
+/// Loads and means over nodes are those of the drawn mesh: the nodes that a cut doubles count once.
+#[test]
+fn a_cut_doubles_no_node() {
+    let mut mesh = rectangle([0.0, 0.0], [1.0, 4.0], [4, 16], CellShape::Quad, "bar", "");
+    let column = |x: f64| -> Vec<u32> {
+        let of_column = |node: &u32| mesh.nodes[*node as usize][0] == x;
+        (0..mesh.nodes.len() as u32).filter(of_column).collect()
+    };
+    let sets = [
+        ("middle", column(0.5)),
+        ("third", column(0.75)),
+        ("side", column(1.0)),
+    ];
+    mesh.node_sets
+        .extend(sets.map(|(name, nodes)| (name.to_owned(), nodes)));
+    let top: Vec<u32> = mesh.node_sets["side"][8..].to_vec();
+    mesh.node_sets.insert("upper".to_owned(), top);
+    let bar = || {
+        Model::on(mesh.clone())
+            .material(Material::new(YOUNG, 0.3))
+            .support(Support::on("bottom").fixed())
+    };
+    let pushed = || bar().force(Force::at_point([1.0, 4.0]).x(1e5).y(3e4));
+    for (model, load) in [
+        (bar().force(Force::on("right").x(1.0)), 17.0),
+        (bar().force(Force::at_nodes("middle").x(1.0)), 17.0),
+        (
+            bar().force(Force::at_nodes(["upper", "middle"]).x(1.0)),
+            26.0,
+        ),
+        (
+            pushed().spring(Spring::at_nodes("middle", 1e7).along([1.0, 0.0])),
+            1e5,
+        ),
+        (
+            bar().coupling(
+                Coupling::at_nodes("middle", [0.0, 0.0])
+                    .distributing()
+                    .force([2.0, 0.0])
+                    .moment([5.0]),
+            ),
+            2.0,
+        ),
+        (
+            pushed().equation(
+                Equation::of(0.0)
+                    .nodes("third", [0.0, 1.0])
+                    .nodes("side", [0.0, -1.0]),
+            ),
+            1e5,
+        ),
+    ] {
+        let cut = Preload::across([0.5, 2.0], [0.0, 1.0]).shortening(0.0);
+        for preload in [None, Some(cut.clone())] {
+            let model = preload.into_iter().fold(model.clone(), Model::preload);
+            let total = model.build().or_panic().step(0).or_panic().total_load;
+            assert!((total[0] - load).abs() < 1e-12 * load, "{total:?} {load}");
+        }
+        cut_as_whole(model, cut, Stiffness::Cholesky);
+    }
+}
+
 /// A bolt between two plates, one of which has its head, with a section on a named surface: what a force has made, locked, is what the same shortening
 /// makes, under whatever load follows.
 #[test]
@@ -410,8 +475,13 @@ fn sections_that_do_not_cut_a_bolt_through_are_refused() {
         ),
         (
             mesh.clone(),
-            Preload::across([1.0, 9.0], [0.0, 1.0]),
+            Preload::across([1.0, 4.1], [0.0, 1.0]),
             "no elements are on both sides",
+        ),
+        (
+            mesh.clone(),
+            Preload::across([30.0, 1.0], [0.0, 1.0]),
+            "preload 1: the point of its plane, (30",
         ),
         (
             mesh.clone(),

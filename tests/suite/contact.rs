@@ -482,7 +482,10 @@ fn friction_in_a_groove_is_along_it() {
             "cube",
             "",
         );
-        mesh.place_nodes(|[x, y, z]| [cos * x - sin * y, sin * x + cos * y, z]);
+        for node in &mut mesh.nodes {
+            let [x, y, z] = *node;
+            *node = [cos * x - sin * y, sin * x + cos * y, z];
+        }
         let half_space = |normal: [f64; 3]| Obstacle::HalfSpace {
             point: [0.0; 3],
             normal,

@@ -1,11 +1,13 @@
 //! Cyclic symmetry: sectors against whole bodies, and sides whose meshes do not match.
 
-use crate::common::models::{answer, on_the_cpu};
+use crate::common::apart;
+use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
-use signorini::elasticity::{Material, Plane};
+use signorini::contact::Space;
+use signorini::elasticity::{Material, Plane, internal_forces};
 use signorini::engine::Stiffness;
-use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Axis, Cyclic, Model, Pair, Support, Temperature, Traction};
 use signorini::ssnm::Status;
 use std::f64::consts::TAU;
@@ -98,37 +100,9 @@ fn a_sector_is_a_part_of_the_whole() {
     let part =
         loaded(model(sector(12.0, [4, 3], 0.0))).cyclic(Cyclic::between("bottom", "top", axis, 12));
     let whole = answer(loaded(model(whole)), 1e-12, Stiffness::Cholesky);
-    let most = whole
-        .displacement()
-        .iter()
-        .flatten()
-        .fold(0.0, |m: f64, v| m.max(v.abs()));
     for path in PATHS {
         let found = answer(part.clone(), 1e-11, path);
-        for (x, u) in found
-            .built
-            .elastic
-            .mesh
-            .nodes
-            .iter()
-            .zip(found.displacement())
-        {
-            let nodes = whole
-                .built
-                .elastic
-                .mesh
-                .nodes
-                .iter()
-                .zip(whole.displacement());
-            let near = |y: &[f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]);
-            let (_, v) = nodes
-                .min_by(|a, b| near(a.0).total_cmp(&near(b.0)))
-                .expect("nodes");
-            assert!(
-                (u[0] - v[0]).hypot(u[1] - v[1]) < 1e-8 * most,
-                "{x:?} {u:?} {v:?}"
-            );
-        }
+        is_a_part(&found, &whole);
         assert_eq!(found.report().contacts[0].tied, 5);
     }
 }
@@ -227,8 +201,148 @@ fn a_thin_sector_and_a_held_node() {
     }
 }
 
+/// An annulus that is fixed inside, with shear around it: u = τ b²/2G r (1/a² − 1/r²) around, and nothing presses on the sides. The sides hold
+/// the node that they have in common with the support along axes that the turn does not take to each other.
+#[test]
+fn a_support_holds_both_sides() {
+    let axis = Axis::at([0.0, 0.0]);
+    for uneven in [0.0, 0.4] {
+        let model = Model::on(sector(6.0, [8, 6], uneven))
+            .plane(Plane::PlaneStress)
+            .material(steel())
+            .support(Support::on("left").fixed())
+            .traction(Traction::on("right").about(axis).hoop(1e6))
+            .cyclic(Cyclic::between("bottom", "top", axis, 6));
+        let exact = 1e6 * 4.0 / (YOUNG / 1.3) * 2.0 * 0.75;
+        for path in PATHS {
+            let found = answer(model.clone(), 1e-11, path);
+            let nodes = &found.built.elastic.mesh.nodes;
+            for (x, u) in nodes.iter().zip(found.displacement()) {
+                if x[0].hypot(x[1]) > 2.0 - 1e-9 {
+                    let around = 0.5 * (x[0] * u[1] - x[1] * u[0]);
+                    assert!((around - exact).abs() < 0.02 * exact, "{around} {exact}");
+                }
+            }
+            let most = found.report().contacts[0].max_pressure;
+            assert!(most < 4e5, "{most}");
+        }
+    }
+}
+
+/// A quarter of a square bar about its middle, whose sides meet at the axis, against the whole bar: nodes on the axis do not move across it, and
+/// along it nothing ties them to themselves.
+#[test]
+fn a_quarter_meets_itself_on_the_axis() {
+    let axis = Axis::at([0.0, 0.0]);
+    let bar = |low: f64, cells: usize| {
+        let size = 1.0 - low;
+        let mesh = rectangle([low; 2], [size; 2], [cells; 2], CellShape::Quad, "bar", "");
+        let sides = if low < 0.0 {
+            vec!["left", "right", "bottom", "top"]
+        } else {
+            vec!["right", "top"]
+        };
+        Model::on(mesh)
+            .material(steel())
+            .rotation(axis, 300.0)
+            .support(Support::at_point([1.0, 1.0]).about(axis).hoop(0.0))
+            .traction(Traction::on(&sides[..]).pressure(PRESSURE))
+    };
+    let whole = answer(bar(-1.0, 8), 1e-12, Stiffness::Cholesky);
+    let part = bar(0.0, 4).cyclic(Cyclic::between("bottom", "left", axis, 4));
+    for path in PATHS {
+        is_a_part(&answer(part.clone(), 1e-11, path), &whole);
+    }
+
+    let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let bar = |low: f64, cells: usize, shape: SolidShape, order: usize| {
+        let size = 1.0 - low;
+        let mesh = block(
+            [low, low, 0.0],
+            [size, size, 2.0],
+            [cells, cells, 4],
+            shape,
+            "bar",
+            "",
+        );
+        let mesh = if order == 2 {
+            mesh.raised().or_panic()
+        } else {
+            mesh
+        };
+        let torque = 1e6 / if low < 0.0 { 1.0 } else { 4.0 };
+        let end = |name: &str, torque: f64| Traction::on(name).about(axis).torque(torque);
+        Model::on(mesh)
+            .material(steel())
+            .support(Support::at_point([1.0; 3]).about(axis).hoop(0.0).axial(0.0))
+            .traction(end("top", torque))
+            .traction(end("bottom", -torque))
+    };
+    for order in [1, 2] {
+        let of = |low, cells| bar(low, cells, SolidShape::Hexahedron, order);
+        let mut whole = of(-1.0, 4);
+        for corner in [[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0]] {
+            whole = whole.support(Support::at_point(corner).about(axis).hoop(0.0).axial(0.0));
+        }
+        let whole = answer(whole, 1e-12, Stiffness::Cholesky);
+        let part = of(0.0, 2).cyclic(Cyclic::between("front", "left", axis, 4));
+        for path in PATHS {
+            let found = answer(part.clone(), 1e-11, path);
+            is_a_part(&found, &whole);
+            shears_its_side(&found, 1e-8);
+        }
+    }
+    // The diagonals of tetrahedra make other meshes of both sides.
+    let part = bar(0.0, 3, SolidShape::Tetrahedron, 1);
+    let part = part.cyclic(Cyclic::between("front", "left", axis, 4));
+    for path in PATHS {
+        shears_its_side(&answer(part.clone(), 1e-11, path), 1e-8);
+    }
+}
+
+/// Whether the displacements are those of a whole body at the same places.
+fn is_a_part<const D: usize>(found: &Answer<D>, whole: &Answer<D>)
+where
+    ElementKind: Space<D>,
+{
+    let all = whole.displacement();
+    let most = all.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let places = &whole.built.elastic.mesh.nodes;
+    for (x, u) in (found.built.elastic.mesh.nodes.iter()).zip(found.displacement()) {
+        let near = |y: &[f64; D]| apart(x, y);
+        let (_, v) = (places.iter().zip(&all))
+            .min_by(|a, b| near(a.0).total_cmp(&near(b.0)))
+            .expect("nodes");
+        assert!(apart(&u, v) < 1e-8 * most, "{x:?} {u:?} {v:?}");
+    }
+}
+
+/// Whether the reported force along the axis, z, is what elements have at the nodes of the side x = 0, to a part of it.
+fn shears_its_side(found: &Answer<3>, tolerance: f64) {
+    let body = found.built.elastic.body();
+    let forces = internal_forces(&body, &found.data.unknowns, &found.displacement());
+    let of_side = body.mesh.nodes.iter().zip(&forces);
+    let of_side = of_side.filter(|(x, _)| x[0] == 0.0 && x[1] > 0.0);
+    let sum: f64 = of_side.map(|(_, force)| force[2]).sum();
+    let told = found.report().contacts[0].force[2];
+    assert!(sum.abs() > 1e4, "{sum}");
+    assert!((told - sum).abs() < tolerance * sum.abs(), "{told} {sum}");
+}
+
 #[test]
 fn sectors_that_do_not_close_are_refused() {
+    // Turned by 60° about this point, a side is 0.4 of its length farther out than the other one.
+    let (far, cot) = (0.4, 3.0_f64.sqrt());
+    let (way, half) = ([0.5, 0.75_f64.sqrt()], 0.5 * far);
+    let off = [
+        half * (way[0] - cot * way[1]),
+        half * (cot * way[0] + way[1]),
+    ];
+    let cyclic = Cyclic::between("bottom", "top", Axis::at(off), 6);
+    let part = model(sector(6.0, [5, 4], 0.0)).cyclic(cyclic);
+    let refused = part.build().expect_err("a part is tied").to_string();
+    assert!(refused.contains("only 60 % of \"bottom\""), "{refused}");
+
     let axis = Axis::at([0.0, 0.0]);
     for (sectors, low, text) in [
         (

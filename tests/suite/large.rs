@@ -224,6 +224,22 @@ fn a_block_is_pressed_on_its_floor() {
     }
 }
 
+/// A law of large displacements does nothing where displacements are small, and a hint says so.
+#[test]
+fn a_law_without_effect_has_a_hint() {
+    let of = |material: Material| {
+        let mesh = rectangle([0.0; 2], [1.0; 2], [2, 2], CellShape::Quad, "body", "");
+        let model = Model::on(mesh)
+            .material(material)
+            .support(Support::on("bottom").fixed())
+            .traction(Traction::on("top").x(1e-3));
+        crate::common::models::answer(model, 1e-10, Stiffness::Cholesky).hints()
+    };
+    assert!(of(Material::new(1.0, 0.3)).is_empty());
+    let hints = of(neo_hooke(1.0, 0.3));
+    assert!(hints[0].contains("region body: the law of its material has no effect"));
+}
+
 /// A block that is held at its top, which turns with the floor below it: at rest in a turned frame.
 #[test]
 fn supports_and_obstacles_turn() {

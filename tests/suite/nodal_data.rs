@@ -4,7 +4,7 @@ use crate::common::or_panic::OrPanic as _;
 use crate::common::oracle::length;
 use signorini::case::Case;
 use signorini::contact::Obstacle;
-use signorini::mesh::{AnyMesh, Mesh, msh, read};
+use signorini::mesh::{AnyMesh, Mesh, MeshParts, msh, read};
 use signorini::model::{AnyBuilt, Built, Force, Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 use signorini::{
@@ -257,4 +257,37 @@ fn infinity_is_a_gap_and_a_bound() {
 fn norm_of_difference(a: &[f64], b: &[f64]) -> f64 {
     let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
     length(&apart)
+}
+
+/// A force on a node that no element has would be lost.
+#[test]
+fn forces_on_nodes_without_elements_are_refused() {
+    let strip = strip(1);
+    let mut nodes = strip.nodes.clone();
+    nodes.push([9.0, 9.0]);
+    let mut sets = strip.node_sets.clone();
+    sets.insert("load".to_owned(), vec![0, nodes.len() as u32 - 1]);
+    let parts = MeshParts {
+        nodes,
+        elements: strip.elements,
+        regions: strip.regions,
+        groups: strip.groups,
+        boundaries: strip.boundaries,
+        node_sets: sets,
+        notes: Vec::new(),
+    };
+    let mesh = Mesh::from_parts(parts).or_panic();
+    let on = |set: &str| {
+        let model = Model::on(mesh.clone())
+            .material(Material::new(1.0, 0.3))
+            .support(Support::on("left").fixed())
+            .force(Force::at_nodes(set).x(1.0));
+        model.build().map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(on("last"), Ok(()));
+    let refused = on("load").expect_err("a node has no element");
+    assert!(
+        refused.contains("1 of the nodes of the set \"load\" belong to no element"),
+        "{refused}"
+    );
 }

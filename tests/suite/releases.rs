@@ -240,6 +240,10 @@ fn equations_of_sets_make_a_periodic_cell() {
             Equation::of(0.0).nodes("lw", [1.0; 3]),
             "did you mean \"low\"?",
         ),
+        (
+            Equation::of(1e-3).point([0.0; 3], [1.0, 2.0, 0.0]),
+            "equation 4 at (0, 0, 0): in load step 1 supports hold all of its terms",
+        ),
     ] {
         let text_of = refused(equation);
         assert!(text_of.contains(text), "{text_of}");

@@ -216,6 +216,13 @@ fn wear_that_is_not_understood_is_refused() {
         (model(1e-9).cycles(0, 0.1), "there is at least one cycle"),
         (model(1e-9).cycles(2, 1.0), "less than 1"),
         (
+            Model::on(mesh.clone())
+                .material(Material::new(1e9, 0.3))
+                .support(Support::on("top").fixed())
+                .cycles(2, 0.1),
+            "jump leaves out cycles of contacts that wear",
+        ),
+        (
             model(1e-9).large_displacements(),
             "wear needs geometry = \"small\"",
         ),
