@@ -10,6 +10,7 @@ use crate::constraint::TIED;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
+use crate::problem::UNREACHABLE;
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -191,43 +192,46 @@ fn is_on_obstacle<const D: usize>(place: &ContactPlace<D>) -> bool {
     is_alone && place.slip_bound != SlipBound::Tied
 }
 
+/// Whether the obstacle of a place is never met: its gap is infinite, or no load step has it.
+fn is_out_of_reach<const D: usize>(place: &ContactPlace<D>) -> bool {
+    place.gap >= 0.5 * UNREACHABLE
+}
+
 /// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
-/// earlier rows. A compliant row may depend on any: A + C is still definite. Where an obstacle is nearer than the others it keeps its
-/// friction: those may never be reached.
+/// earlier rows. A compliant row may depend on any: A + C is still definite. Obstacles out of reach take no friction from others.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
-    /// The difference of gaps that decides, in parts of the coordinates: more than their rounding.
-    const NEARER: f64 = 1e-9;
-    let mut gaps: HashMap<u32, Vec<f64>> = HashMap::new();
+    let mut times: HashMap<u32, usize> = HashMap::new();
     for place in places.iter().filter(|place| is_on_obstacle(place)) {
-        gaps.entry(place.own[0].0).or_default().push(place.gap);
+        *times.entry(place.own[0].0).or_default() += 1;
     }
     let mut independent = Independent::<D>::default();
     // Its own unknowns belong to no other row of its kind.
     let own = |place: &ContactPlace<D>| {
         let node = place.own[0].0;
-        unknowns.block(node).filter(|_| gaps[&node].len() == 1)
-    };
-    let is_nearest = |place: &ContactPlace<D>| {
-        let near = place.gap + NEARER * length(place.place);
-        let as_near = gaps[&place.own[0].0].iter().filter(|gap| **gap <= near);
-        as_near.count() == 1
+        unknowns.block(node).filter(|_| times[&node] == 1)
     };
     for (row, place) in rows[0].iter().zip(places) {
         let is_hard = is_on_obstacle(place) && place.compliance[0] == 0.0;
-        if is_hard && !independent.add(row, own(place)) {
+        if is_hard && !is_out_of_reach(place) && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
-    for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
-        let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
-        for row in rows.iter_mut().filter(|_| is_hard) {
-            if !row.is_empty() && !independent.add(row, own(place)) && !is_nearest(place) {
-                row.clear();
+    // Those with friction first.
+    for with_friction in [true, false] {
+        for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
+            let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
+            if !is_hard || place.slip_bound.is_any() != with_friction {
+                continue;
+            }
+            for row in rows.iter_mut().filter(|row| !row.is_empty()) {
+                if is_out_of_reach(place) || !independent.add(row, own(place)) {
+                    row.clear();
+                }
             }
         }
     }

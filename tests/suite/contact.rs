@@ -444,27 +444,21 @@ fn slender_bodies_are_solved() {
     }
 }
 
-/// A block that is drawn over a floor has all of its friction, beside a wall that it does not reach, that does not act, or that is
-/// infinitely far.
+/// A block that is drawn over a floor has all of its friction beside a wall that does not act, or that is infinitely far.
 #[test]
 fn walls_out_of_reach_take_no_friction() {
-    for (x, rest, cells) in [
-        (-0.5, "", 4),
-        (-50.0, "", 1),
-        (0.0, "active = [0]\n", 4),
-        (0.0, "gap = inf\n", 1),
-    ] {
+    for (rest, cells) in [("active = [0]\n", 4), ("gap = inf\n", 1)] {
         let text = format!(
             "[mesh.rectangle]\nsize = [2, 1]\ncells = [{cells}, 2]\n[[material]]\nyoung = 1e5\npoisson = 0\n\
              [steps]\nfactors = [1]\n[[support]]\nboundary = \"top\"\nx = 0.02\ny = -0.001\n\
              [[contact]]\nboundary = \"bottom\"\nfriction = {{ coulomb = 0.3 }}\n\
              obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}\n\
              [[contact]]\nboundary = \"left\"\n{rest}\
-             obstacle = {{ half_plane = {{ point = [{x}, 0], normal = [1, 0] }} }}\n"
+             obstacle = {{ half_plane = {{ point = [0, 0], normal = [1, 0] }} }}\n"
         );
         let [along, across] = resultant(&run(&text));
-        assert!((along + 60.0).abs() < 1e-5, "{x} {rest}: {along}");
-        assert!((across - 200.0).abs() < 1e-5, "{x} {rest}: {across}");
+        assert!((along + 60.0).abs() < 1e-5, "{rest}: {along}");
+        assert!((across - 200.0).abs() < 1e-5, "{rest}: {across}");
     }
 }
 
