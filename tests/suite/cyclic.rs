@@ -229,6 +229,29 @@ fn a_support_holds_both_sides() {
     }
 }
 
+/// A tube that is fixed at one end and twisted at the other: shear up to T b/J, and nothing presses on the sides, at the fixed end either.
+#[test]
+fn a_fixed_end_has_no_forces_of_its_own() {
+    let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let shape = SolidShape::Tetrahedron;
+    let mut mesh = block([0.0; 3], [1.0; 3], [3, 3, 2], shape, "tube", "");
+    for x in &mut mesh.nodes {
+        let [s, t, z] = *x;
+        let (r, angle) = (1.0 + s + 0.3 * t * s * (1.0 - s), TAU * t / 6.0);
+        *x = [r * angle.cos(), r * angle.sin(), z];
+    }
+    let model = Model::on(mesh)
+        .material(steel())
+        .support(Support::on("bottom").fixed())
+        .traction(Traction::on("top").about(axis).torque(1e6 / 6.0))
+        .cyclic(Cyclic::between("front", "back", axis, 6));
+    let shear = 1e6 * 2.0 / (TAU / 4.0 * 15.0);
+    for path in PATHS {
+        let most = answer(model.clone(), 1e-11, path).report().contacts[0].max_pressure;
+        assert!(most < shear, "{most} {shear}");
+    }
+}
+
 /// A quarter of a square bar about its middle, whose sides meet at the axis, against the whole bar: nodes on the axis do not move across it, and
 /// along it nothing ties them to themselves.
 #[test]
