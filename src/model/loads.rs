@@ -404,9 +404,9 @@ where
         for (number, f) in self.forces.iter().enumerate() {
             let at_fault = |fault: Fault| f.entity(number).error(fault);
             let factor = self.factor(&f.factors, time);
-            let nodes = f.target().uncut_nodes(body.mesh);
+            let nodes = f.target().uncut_nodes(body.mesh).map_err(at_fault)?;
             lost_nodes(body.mesh, f.target()).map_err(at_fault)?;
-            for node in nodes.map_err(at_fault)? {
+            for node in nodes {
                 let x = body.mesh.nodes[node as usize];
                 let components = f.components();
                 let added = components.map(|component| factor * at(component, x));

@@ -229,8 +229,8 @@ fn a_spring_that_makes_no_sense_is_refused() {
             "the other end of a spring",
         ),
         (
-            "point = [1, 1]\nstiffness = 1\nto = { point = [1.1, 1] }\ndirection = [1, 0]",
-            "spring 1 at (1, 1): both ends of the spring are the same nodes",
+            "point = [1, 1]\nstiffness = 1\nto = { point = [1.02, 1] }\ndirection = [1, 0]",
+            "line 11: both ends of the spring are the same nodes",
         ),
         (
             "boundary = \"rigth\"\nstiffness = 1\ndirection = [1, 0]",

@@ -219,6 +219,7 @@ fn wear_that_is_not_understood_is_refused() {
             Model::on(mesh.clone())
                 .material(Material::new(1e9, 0.3))
                 .support(Support::on("top").fixed())
+                .steps([1.0, 1.0])
                 .cycles(2, 0.1),
             "jump leaves out cycles of contacts that wear",
         ),
