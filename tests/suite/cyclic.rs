@@ -455,7 +455,12 @@ fn contact_goes_on_beyond_the_sides() {
             );
             pressures.push(0.5 * (low + high));
             let mean = pressures.iter().sum::<f64>() / pressures.len() as f64;
-            let even = if cells == 6 { 1e-6 } else { 0.03 };
+            // Nodes of second order and meshes that do not match differ a little.
+            let even = if [cells, orders] == [6, 1] {
+                1e-6
+            } else {
+                0.04
+            };
             let off = pressures.iter().map(|p| (p / mean - 1.0).abs());
             let off = off.fold(0.0, f64::max);
             assert!(off < even, "{cells} {orders}: {pressures:?}");
