@@ -24,6 +24,7 @@ pub(crate) use nodes::{areas, shares};
 pub use obstacle::{Obstacle, obstacle_contact};
 #[cfg(feature = "files")]
 pub(crate) use rows::pooled;
+pub(crate) use rows::rows_of;
 pub(crate) use rows::turned;
 pub use rows::{ContactRows, contact_rows};
 

@@ -6,7 +6,7 @@ mod energy;
 mod export;
 mod fields;
 pub(crate) mod files;
-mod hints;
+pub(crate) mod hints;
 #[cfg(feature = "plots")]
 pub mod plots;
 mod reactions;

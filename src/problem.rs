@@ -197,11 +197,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
         if !mu.is_empty() {
             check::friction(&mut mu, self.m())?;
         }
-        self.without_friction_of_ties(&mut mu);
-        self.case.friction = match mu.iter().all(|&mu| mu == 0.0) {
-            true => Arc::default(),
-            false => Arc::new(mu),
-        };
+        self.set_friction(mu);
         Ok(self)
     }
 
@@ -254,17 +250,22 @@ impl<const D: usize, K> ContactProblem<D, K> {
         bounds
             .filter(|(_, tied)| **tied)
             .for_each(|(bound, _)| *bound = TIED);
-        let mut mu = self.friction_coefficient().to_vec();
-        self.without_friction_of_ties(&mut mu);
-        self.case.friction = Arc::new(mu);
+        let mu = self.friction_coefficient().to_vec();
+        self.set_friction(mu);
         Ok(self)
     }
 
-    /// Coefficients of friction without those of tied nodes, which they would untie.
-    fn without_friction_of_ties(&self, mu: &mut [f64]) {
-        let of_nodes = mu.iter_mut().enumerate();
-        let of_ties = of_nodes.filter(|(i, _)| self.case.slip_bound[*i] == TIED);
-        of_ties.for_each(|(_, mu)| *mu = 0.0);
+    /// Sets coefficients of friction without those of tied nodes, which they would untie.
+    fn set_friction(&mut self, mut mu: Vec<f64>) {
+        for (mu, bound) in mu.iter_mut().zip(&self.case.slip_bound) {
+            if *bound == TIED {
+                *mu = 0.0;
+            }
+        }
+        self.case.friction = match mu.iter().all(|&mu| mu == 0.0) {
+            true => Arc::default(),
+            false => Arc::new(mu),
+        };
     }
 
     /// Another load f, one entry per row of K.

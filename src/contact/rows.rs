@@ -32,6 +32,8 @@ pub struct ContactRows<const D: usize = 2> {
     pub places: Vec<ContactPlace<D>>,
     /// The candidate of each row.
     pub candidate: Vec<usize>,
+    /// Whether each place never acts.
+    idle: Vec<bool>,
     /// N: a row per contact place, along ν.
     pub normal: Csr,
     /// T: D − 1 rows per contact place, one after the other, along the tangents of its frame.
@@ -72,6 +74,21 @@ pub fn contact_rows<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    rows_of(body, unknowns, candidates, |_| true)
+}
+
+/// The same where some candidates do not act: they take no friction from others.
+pub(crate) fn rows_of<const D: usize>(
+    body: &Body<D>,
+    unknowns: &Unknowns<D>,
+    candidates: &[ContactPlace<D>],
+    acts: impl Fn(usize) -> bool,
+) -> Result<ContactRows<D>, ContactError>
+where
+    ElementKind: Topology<D>,
+{
+    // Nor do those with an infinite gap.
+    let acts = |number: usize| acts(number) && candidates[number].gap < 0.5 * UNREACHABLE;
     let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut fixed_ties = Vec::new();
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
@@ -79,9 +96,16 @@ where
     // The motions that supports prescribe along the tangents of nodes that cannot slide there.
     let mut kept = Vec::new();
     let mut normals: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
-    for place in candidates.iter().filter(|place| is_on_obstacle(place)) {
-        let of_node = normals.entry(place.own[0].0).or_default();
-        of_node.push(place.frame[0]);
+    for (number, place) in candidates.iter().enumerate() {
+        if is_on_obstacle(place) && acts(number) {
+            let of_node = normals.entry(place.own[0].0).or_default();
+            if of_node
+                .iter()
+                .all(|other| dot(*other, place.frame[0]) < SAME_WAY)
+            {
+                of_node.push(place.frame[0]);
+            }
+        }
     }
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate.terms(0));
@@ -92,7 +116,9 @@ where
         let is_held = is_alone && length(left) <= 1e-8;
         let is_tied = candidate.slip_bound == SlipBound::Tied;
         if (entries.is_empty() || is_held) && candidate.compliance[0] == 0.0 && !is_tied {
-            fixed.push((number, candidate.place.into(), candidate.gap, motion));
+            if acts(number) {
+                fixed.push((number, candidate.place.into(), candidate.gap, motion));
+            }
             continue;
         }
         let row_number = rows[0].len();
@@ -109,7 +135,7 @@ where
         let mut place = turned(candidate, unknowns);
         if is_on_obstacle(&place) && place.directed.is_empty() && place.frame == candidate.frame {
             // The first tangent is along the edge of two obstacles.
-            let others = normals[&place.own[0].0].iter();
+            let others = normals.get(&place.own[0].0).into_iter().flatten();
             let mut across = others.filter(|other| dot(**other, place.frame[0]).abs() < SAME_WAY);
             if let (Some(way), None) = (across.next(), across.next()) {
                 turn_tangents(&mut place.frame, &way.map(|c| way.map(|d| c * d)));
@@ -132,7 +158,8 @@ where
         places.push(place);
         numbers.push(number);
     }
-    make_independent(&mut rows, &places, unknowns)?;
+    let idle: Vec<bool> = numbers.iter().map(|&number| !acts(number)).collect();
+    make_independent(&mut rows, &places, &idle, unknowns)?;
     let tangents = places
         .iter()
         .flat_map(|place| vec![place.compliance[1]; D - 1]);
@@ -176,6 +203,7 @@ where
         tangential,
         places,
         candidate: numbers,
+        idle,
         slip_bound,
         coefficient,
         compliance,
@@ -192,16 +220,12 @@ fn is_on_obstacle<const D: usize>(place: &ContactPlace<D>) -> bool {
     is_alone && place.slip_bound != SlipBound::Tied
 }
 
-/// Whether the obstacle of a place is never met: its gap is infinite, or no load step has it.
-fn is_out_of_reach<const D: usize>(place: &ContactPlace<D>) -> bool {
-    place.gap >= 0.5 * UNREACHABLE
-}
-
 /// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
-/// earlier rows. A compliant row may depend on any: A + C is still definite. Obstacles out of reach take no friction from others.
+/// earlier rows. A compliant row may depend on any: A + C is still definite. Idle places have no friction, and take none from others.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
+    idle: &[bool],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
     let mut times: HashMap<u32, usize> = HashMap::new();
@@ -214,22 +238,22 @@ fn make_independent<const D: usize>(
         let node = place.own[0].0;
         unknowns.block(node).filter(|_| times[&node] == 1)
     };
-    for (row, place) in rows[0].iter().zip(places) {
+    for ((row, place), idle) in rows[0].iter().zip(places).zip(idle) {
         let is_hard = is_on_obstacle(place) && place.compliance[0] == 0.0;
-        if is_hard && !is_out_of_reach(place) && !independent.add(row, own(place)) {
+        if is_hard && !idle && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
     // Those with friction first.
     for with_friction in [true, false] {
-        for (rows, place) in rows[1].chunks_mut(D - 1).zip(places) {
+        for ((rows, place), &idle) in rows[1].chunks_mut(D - 1).zip(places).zip(idle) {
             let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
             if !is_hard || place.slip_bound.is_any() != with_friction {
                 continue;
             }
             for row in rows.iter_mut().filter(|row| !row.is_empty()) {
-                if is_out_of_reach(place) || !independent.add(row, own(place)) {
+                if idle || !independent.add(row, own(place)) {
                     row.clear();
                 }
             }
@@ -434,6 +458,7 @@ impl<const D: usize> ContactRows<D> {
         let [normal, tangential] = rows;
         Self {
             candidate: (0..places.len()).collect(),
+            idle: vec![false; places.len()],
             places,
             normal,
             tangential,
@@ -541,6 +566,7 @@ impl<const D: usize> ContactRows<D> {
     /// Whether a law of friction is stated for a contact place that supports or another contact keep from sliding.
     pub fn keeps_from_sliding(&self, row: usize) -> bool {
         self.places[row].slip_bound.is_any()
+            && !self.idle[row]
             && self.slip_bound[row] == 0.0
             && self.coefficient[row] == 0.0
     }

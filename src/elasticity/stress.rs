@@ -205,7 +205,8 @@ where
         let in_space = if D == 3 { Plane::PlaneStrain } else { plane };
         let moduli = material.moduli(in_space, 1.0);
         let dilatation = moduli.dilatation::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
-        let modes = moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
+        let small = || moduli.modes::<E, D, N, Q>(self.element.kind(), &points, &x, plane);
+        let modes = (!self.large).then(small).flatten();
         let relief = |place| {
             let warmth = (self.temperature).map(|at| at(self.element.region, place));
             warmth.map_or(0.0, |warmth| material.thermal_pressure(in_space) * warmth)

@@ -8,8 +8,8 @@ use super::error::{Entity, EntityKind, Fault, ModelError, listed};
 use super::large::LooseBody;
 use super::loads::{StepData, acting, end_of, region};
 use super::preload::Section;
-use super::{Cyclic, Definition, Model};
-use crate::contact::{ContactRows, Space, contact_rows};
+use super::{Cyclic, Definition, Model, Pair};
+use crate::contact::{ContactRows, Space, rows_of};
 use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{Cut, ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
@@ -208,7 +208,12 @@ where
         let pairing = Instant::now();
         let mut candidates = definition.candidates(&body, &unknowns)?;
         let pairing_seconds = pairing.elapsed().as_secs_f64();
-        let contact = contact_rows(&body, &unknowns, &candidates.places)
+        let pairs: Vec<&Pair<D>> = definition.pairs.iter().chain(&definition.ties).collect();
+        let acts = |number: usize| {
+            let pair = pairs.get(candidates.pair_of[number] as usize);
+            pair.is_none_or(|pair| (0..definition.n_steps()).any(|step| pair.acts(step)))
+        };
+        let contact = rows_of(&body, &unknowns, &candidates.places, acts)
             .map_err(|error| Entity::all(EntityKind::Contact).error(Fault::Contact(error)))?;
         let pair_of: Vec<u32> = (contact.candidate.iter())
             .map(|&i| candidates.pair_of[i])

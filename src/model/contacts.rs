@@ -19,7 +19,6 @@ use crate::mesh::{
     ElementKind, Facet, Location, Mesh, Topology, facet_corners, facet_nodes, nodes_of_facets,
     unsided,
 };
-use crate::problem::UNREACHABLE;
 use std::collections::{HashMap, HashSet};
 
 /// A contact as it was understood.
@@ -298,18 +297,24 @@ where
     /// The part of a direction among others above which it is one of them, or between them.
     const SAME_WAY: f64 = 1.0 - 1e-9;
     let size = largest_facet(mesh, facets);
-    let there = others.iter().flat_map(facet_nodes);
-    let near: Vec<(u32, &Vec<[f64; D]>)> = there
-        .filter_map(|node| Some((*node, of_other.get(node)?)))
+    let there = nodes_of_facets(others).into_iter();
+    // In the order of x, for the search.
+    let mut near: Vec<([f64; D], &Vec<[f64; D]>)> = there
+        .filter_map(|node| Some((mesh.nodes[node as usize], of_other.get(&node)?)))
         .collect();
+    near.sort_unstable_by(|a, b| a.0[0].total_cmp(&b.0[0]));
     let is_held = |x: [f64; D], way: &[f64; D]| {
-        near.iter().any(|(node, ways)| {
+        let begin = near.partition_point(|(other, _)| other[0] < x[0] - size);
+        let mut around = near[begin..]
+            .iter()
+            .take_while(|(other, _)| other[0] <= x[0] + size);
+        around.any(|(other, ways)| {
             let along = ways.iter().map(|other| dot(*other, *way).powi(2));
-            length(minus(mesh.nodes[*node as usize], x)) <= size && along.sum::<f64>() > SAME_WAY
+            length(minus(*other, x)) <= size && along.sum::<f64>() > SAME_WAY
         })
     };
     let mut held = of_other.clone();
-    for &node in facets.iter().flat_map(facet_nodes) {
+    for node in nodes_of_facets(facets) {
         if let Some(ways) = of_first.get(&node) {
             let x = mesh.nodes[node as usize];
             let ways = ways.iter().copied().filter(|way| is_held(x, way));
@@ -723,7 +728,7 @@ where
     }
 
     /// Where the boundaries of contacts go on beyond the sides of sectors.
-    fn seams(&self, mesh: &Mesh<D>) -> Result<Seams<D>, ModelError> {
+    fn seams(&self, mesh: &Mesh<D>, body_of: &[u32]) -> Result<Seams<D>, ModelError> {
         let mut seams = Seams::new();
         let mut nodes = HashSet::new();
         for (i, pair) in self.pairs.iter().enumerate() {
@@ -739,7 +744,7 @@ where
             }
         }
         for (i, cyclic) in self.cyclics.iter().enumerate() {
-            let found = cyclic.seams(mesh, &nodes, &mut seams);
+            let found = cyclic.seams(mesh, &nodes, body_of, &mut seams);
             found.map_err(|fault| cyclic.entity(i).error(fault))?;
         }
         Ok(seams)
@@ -756,7 +761,7 @@ where
         let sliding = Sliding {
             symmetry: self.symmetry_planes(body.mesh)?,
             held: self.held_directions(body.mesh, unknowns)?,
-            seams: self.seams(body.mesh)?,
+            seams: self.seams(body.mesh, &body_of)?,
             surfaces: match self.is_large() {
                 true => surfaces(body.mesh, count, &body_of),
                 false => Vec::new(),
@@ -767,14 +772,8 @@ where
         let (mut places_of_all, mut pair_of, mut data_of_all) =
             (Vec::new(), Vec::new(), Vec::new());
         let all = self.pairs.iter().chain(&self.ties);
-        let pairs = (all.clone()).map(|pair| {
-            let mut found = pair.find(body, &units, &sliding, self.is_large(), all.clone())?;
-            if !(0..self.n_steps()).any(|step| pair.acts(step)) {
-                let places = found.0.iter_mut();
-                places.for_each(|place| place.gap = UNREACHABLE);
-            }
-            Ok(found)
-        });
+        let pairs = (all.clone())
+            .map(|pair| pair.find(body, &units, &sliding, self.is_large(), all.clone()));
         let equals = self.equals.iter().map(|equal| equal.find(body));
         let springs = (self.springs.iter()).map(|spring| spring.find(body, &units));
         let preloads = self.preloads.iter().zip(&self.sections);

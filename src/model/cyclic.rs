@@ -168,12 +168,13 @@ where
         Ok(([low, high], angle))
     }
 
-    /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes at the
-    /// other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself.
+    /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes of the
+    /// same body at the other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself.
     pub(super) fn seams(
         &self,
         mesh: &Mesh<D>,
         nodes: &HashSet<u32>,
+        body_of: &[u32],
         seams: &mut Seams<D>,
     ) -> Result<(), Fault> {
         /// The distance at which two nodes count as one, in the largest facet.
@@ -201,7 +202,8 @@ where
         for (here, there, angle) in ways {
             for &node in here {
                 let x = self.axis.turned(mesh.nodes[node as usize], angle);
-                let mut near: Vec<(f64, u32)> = (there.iter())
+                let of_body = |other: &&u32| body_of[**other as usize] == body_of[node as usize];
+                let mut near: Vec<(f64, u32)> = (there.iter().filter(of_body))
                     .map(|&other| (length(minus(mesh.nodes[other as usize], x)), other))
                     .filter(|other| other.0 <= size)
                     .collect();

@@ -18,7 +18,7 @@ use super::loads::{StepData, TemperatureField, outer_facets, step_of};
 use super::motion::Moved;
 use super::pair::Law;
 use super::{Definition, Driven};
-use crate::contact::{ContactPlace, ContactRows, Space, contact_rows};
+use crate::contact::{ContactPlace, ContactRows, Space, rows_of};
 use crate::elasticity::{
     Body, Deformed, Loose, Temperature, Unknowns, add_block, free_forces, tangent_forces,
 };
@@ -451,7 +451,8 @@ where
             mesh: &moved,
             ..body
         };
-        let mut contact = contact_rows(&there, &to.unknowns, &places).map_err(failed)?;
+        let acts = |number: usize| !met.touches[number].idle;
+        let mut contact = rows_of(&there, &to.unknowns, &places, acts).map_err(failed)?;
         for (row, candidate) in contact.candidate.iter().enumerate() {
             if met.touches[*candidate].idle {
                 (contact.slip_bound[row], contact.coefficient[row]) = (0.0, 0.0);
@@ -576,9 +577,7 @@ where
         } else {
             0.0
         };
-        let own = problem.compliance().iter().zip(&lambda);
-        let own = own.fold(0.0, |max: f64, (c, l)| max.max((c * l).abs()));
-        let scale = deformation.max(own);
+        let scale = deformation.max(norm_max(&problem.own_effects(&lambda)));
         Ok(Configuration {
             scales: Scales {
                 length: scale,

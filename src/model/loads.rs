@@ -410,7 +410,9 @@ where
                 let x = body.mesh.nodes[node as usize];
                 let components = f.components();
                 let added = components.map(|component| factor * at(component, x));
-                if self.is_on_axis(x) && added[0] != 0.0 {
+                let mut on_axis = x;
+                on_axis[0] = 0.0;
+                if self.is_on_axis(x) && factor * at(components[0], on_axis) != 0.0 {
                     return Err(at_fault(Fault::Stated(format!(
                         "its node at {} is on the axis of the body of revolution, where a radial force does nothing: take the node out, or \
                          leave out x",

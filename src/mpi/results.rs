@@ -8,6 +8,7 @@ use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::StepData;
 use crate::output::files::{write, write_index, write_pieces, write_report, write_vectors};
+use crate::output::hints;
 use crate::output::report::Balance;
 use crate::output::rubbing::Rubbing;
 use crate::output::{
@@ -149,11 +150,13 @@ where
                 self.rubbing.add(&mut of, solution);
                 let apart = self.apart(&bodies, &of);
                 let balance = self.balance(&of, solution);
+                let contradiction = hints::contradiction(&problem, solution);
                 if self.group.rank() == 0 {
                     let contacts = self.report.contacts(&of, solution, &apart);
                     let load = Some((data.factor, data.total_load.to_vec()));
                     let name = |body: usize| bodies.received.common.bodies[body].name.clone();
                     self.report.push(solution, load, contacts, balance, name);
+                    self.report.hints.extend(contradiction);
                 }
                 self.write_fields(&bodies, &of, &step)?;
             }

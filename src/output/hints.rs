@@ -7,7 +7,10 @@ use crate::elasticity::{Hyperelastic, Plane};
 use crate::mesh::vector::{cross, dot, length, minus};
 use crate::mesh::{ElementKind, facet_nodes};
 use crate::model::{Driven, Elastic, PairData};
+use crate::problem::ContactProblem;
+use crate::quasistatic::StepSolution;
 use crate::rounding::DEPENDENT;
+use crate::ssnm::Status;
 use faer::Mat;
 
 /// A peak on one or two nodes counts as unresolved if at least this many nodes are in contact.
@@ -19,6 +22,19 @@ fn rim<const D: usize>(nodes: usize) -> usize {
         2 => 2,
         _ => (4.0 * (nodes as f64).sqrt()).ceil() as usize,
     }
+}
+
+/// Whether constraints contradict each other, where a solve has ended without an answer. Of several ranks, all have to ask.
+pub(crate) fn contradiction<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    solution: &StepSolution<D>,
+) -> Option<String> {
+    let ended = solution.status != Status::Converged;
+    (ended && problem.has_cancelling_forces(&solution.lambda)).then(|| {
+        "constraints contradict each other: huge forces cancel at their nodes. Compare what equations, couplings, ties, preloads, \
+         interferences and supports state of the same nodes"
+            .to_owned()
+    })
 }
 
 /// The regions of nearly incompressible materials whose elements lock.

@@ -315,15 +315,8 @@ impl Report {
         };
         let load = of_bodies.map(|of| (of.data.factor, of.data.total_load.to_vec()));
         let body_name = |body| analysis.body_name(body);
-        if solution.status != Status::Converged
-            && analysis.problem.has_cancelling_forces(&solution.lambda)
-        {
-            self.hints.push(
-                "constraints contradict each other: huge forces cancel at their nodes. Compare what equations, couplings, ties, \
-                 preloads, interferences and supports state of the same nodes"
-                    .to_owned(),
-            );
-        }
+        self.hints
+            .extend(hints::contradiction(analysis.problem, solution));
         self.push(solution, load, contacts, balance, body_name);
         let made = self.steps.last_mut().expect("just pushed");
         if of_bodies.is_some_and(|of| of.elastic.is_large()) {

@@ -281,7 +281,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// The effect of the force of each row on its own node alone, (Σ Bᵢⱼ²/Kⱼⱼ) λᵢ without what forces of other rows take back at the same
     /// unknowns, and Cᵢᵢ λᵢ. Where constraints contradict each other, forces grow without end and cancel at their nodes: they must not
     /// hide the contradiction.
-    fn own_effects(&self, lambda: &[f64]) -> Vec<f64> {
+    pub(crate) fn own_effects(&self, lambda: &[f64]) -> Vec<f64> {
         let rows = self.contact_matrix();
         let mut forces = vec![0.0; rows.n_cols()];
         rows.mul_transpose_add(1.0, lambda, &mut forces);
@@ -299,7 +299,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
                 } else {
                     0.0
                 };
-                (self.compliance()[i] - soft) * reaching + soft * force
+                self.own_compliance()[i] * reaching + soft * force
             })
             .collect()
     }

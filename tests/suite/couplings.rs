@@ -5,12 +5,14 @@ use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::{Material, Plane};
-use signorini::engine::Stiffness;
+use signorini::engine::{Engine, Stiffness};
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Coupling, Equation, Model, Pair, Support, Traction};
-use signorini::output::ContactReport;
+use signorini::model::{Analysis, Coupling, Equation, Model, Pair, Support, Traction};
+use signorini::output::{ContactReport, Results};
+use signorini::solve::Event;
 use signorini::ssnm::Status;
+use std::ops::ControlFlow;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e9;
@@ -452,14 +454,37 @@ fn contradictions_do_not_converge() {
                 .turned(2, 0.0),
         )
         .contact(Pair::obstacle("bottom", floor));
-    for model in [model().coupling(turned()).equation(level), pressed] {
-        for path in [Stiffness::Cholesky, Stiffness::Pcg] {
-            let steps = model
-                .clone()
-                .build()
-                .map(|built| built.solve(&on_the_cpu(1e-6, path)));
-            let converged = matches!(steps, Ok(Ok(steps)) if steps[0].status == Status::Converged);
-            assert!(!converged);
+    let bar = model().traction(Traction::on("top").y(1.0));
+    for (model, contradicts) in [
+        (model().coupling(turned()).equation(level), true),
+        (pressed, true),
+        (bar.coupling(turned()), false),
+    ] {
+        for path in PATHS {
+            let built = model.clone().build().or_panic();
+            let mut options = on_the_cpu(1e-6, path);
+            if !contradicts {
+                // Without an answer for another reason.
+                options.settings.ssnm.max_iterations = 1;
+            }
+            let folder = tempfile::tempdir().or_panic();
+            let analysis = Analysis::from(&built);
+            let mut results = Results::new(folder.path(), "", analysis).or_panic();
+            let engine = Engine::new(analysis.problem, options.engine.clone(), |_| {});
+            let made = analysis.solve_on(&mut engine.or_panic(), &options.settings, |event| {
+                if let Event::Ends(step) = event {
+                    results.add(&step).or_panic();
+                }
+                ControlFlow::Continue(())
+            });
+            made.or_panic();
+            let report = &results.report;
+            assert_ne!(report.status, Some(Status::Converged), "{path:?}");
+            let named = report
+                .hints
+                .iter()
+                .any(|hint| hint.contains("contradict each other"));
+            assert_eq!(named, contradicts, "{path:?}: {:?}", report.hints);
         }
     }
 }

@@ -412,7 +412,7 @@ fn contact_goes_on_beyond_the_sides() {
         mesh
     };
     let axis = Axis::at([0.0, 0.0]);
-    for cells in [6, 4] {
+    for (cells, together) in [(6, false), (6, true), (4, false)] {
         for orders in [1, 2] {
             let mut mesh = join(
                 ring(1.0, inner, [3, 6], "shaft"),
@@ -421,17 +421,24 @@ fn contact_goes_on_beyond_the_sides() {
             if orders == 2 {
                 mesh = mesh.raised().or_panic();
             }
-            let side = |name: &str| {
-                let [low, high] = ["bottom", "top"].map(|side| format!("{name}-{side}"));
+            let side = |names: &[&str]| {
+                let [low, high] = ["bottom", "top"].map(|side| {
+                    let of_names = names.iter().map(|name| format!("{name}-{side}"));
+                    of_names.collect::<Vec<_>>()
+                });
                 Cyclic::between(low, high, axis, sectors)
             };
             let model = |torque: f64| {
-                Model::on(mesh.clone())
+                let model = match together {
+                    true => Model::on(mesh.clone()).cyclic(side(&["shaft", "hub"])),
+                    false => Model::on(mesh.clone())
+                        .cyclic(side(&["shaft"]))
+                        .cyclic(side(&["hub"])),
+                };
+                model
                     .plane(Plane::PlaneStress)
                     .material(steel())
                     .support(Support::on("hub-right").about(axis).hoop(0.0))
-                    .cyclic(side("shaft"))
-                    .cyclic(side("hub"))
                     .traction(Traction::on("shaft-left").about(axis).torque(torque))
                     .contact(
                         Pair::new("shaft-right", "hub-left")
@@ -475,7 +482,10 @@ fn contact_goes_on_beyond_the_sides() {
                 steps[0].status
             });
             assert_eq!(answers[0], Status::Converged, "{cells} {orders}");
-            assert_ne!(answers[1], Status::Converged, "{cells} {orders}");
+            // Polygons of different numbers of sides hold each other.
+            if cells == 6 {
+                assert_ne!(answers[1], Status::Converged, "{cells} {orders}");
+            }
         }
     }
 }

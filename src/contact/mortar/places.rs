@@ -113,6 +113,10 @@ where
             let Key::Node { node, .. } = key else {
                 continue;
             };
+            let sound = sums.normals.iter().all(|normal| length(*normal) > 0.0);
+            if !sound || !seams.contains_key(node) {
+                continue;
+            }
             for (side, normal) in sums.normals.iter_mut().enumerate() {
                 let at = |node| -> Vec<[f64; D]> {
                     let all = at_nodes.get(&node).into_iter().flatten();
