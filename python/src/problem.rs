@@ -103,13 +103,6 @@ impl Drop for Call {
     }
 }
 
-/// Coefficients of friction without those of ties, which nothing slides along.
-fn untied(mut friction: Vec<f64>, tied: &[bool]) -> Vec<f64> {
-    let all = friction.iter_mut().zip(tied);
-    (all.filter(|(_, tied)| **tied)).for_each(|(mu, _)| *mu = 0.0);
-    friction
-}
-
 /// Which places are tied.
 fn ties<const D: usize>(problem: &ContactProblem<D>) -> Vec<bool> {
     (0..problem.m()).map(|i| problem.is_tied(i)).collect()
@@ -163,8 +156,7 @@ impl Changes {
             problem = problem.with_slip_origin(origin.clone())?;
         }
         if let Some(friction) = &self.friction {
-            let friction = untied(friction.clone(), &ties(&problem));
-            problem = problem.with_friction_coefficient(friction)?;
+            problem = problem.with_friction_coefficient(friction.clone())?;
         }
         Ok(problem)
     }
@@ -296,7 +288,7 @@ impl Problem {
             interference,
             dependent_rows,
             slip_bound: some("slip_bound", &slip_bound)?.unwrap_or_default(),
-            friction: untied(friction, &tied),
+            friction,
             compliance: some("compliance", &compliance)?.unwrap_or_default(),
             tied,
             areas: some("areas", &areas)?,
