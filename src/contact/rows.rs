@@ -221,7 +221,7 @@ fn is_on_obstacle<const D: usize>(place: &ContactPlace<D>) -> bool {
 }
 
 /// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
-/// earlier rows. A compliant row may depend on any: A + C is still definite. Idle places have no friction, and take none from others.
+/// earlier rows. A compliant row may depend on any: A + C is still definite. Idle places take no friction from others.
 fn make_independent<const D: usize>(
     rows: &mut [Vec<Vec<Entry>>; 2],
     places: &[ContactPlace<D>],
@@ -245,15 +245,20 @@ fn make_independent<const D: usize>(
             return Err(ContactError::Twice { place });
         }
     }
-    // Those with friction first.
-    for with_friction in [true, false] {
+    // Those with friction first, and those that never act in the end.
+    for turn in 0..3 {
         for ((rows, place), &idle) in rows[1].chunks_mut(D - 1).zip(places).zip(idle) {
             let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
-            if !is_hard || place.slip_bound.is_any() != with_friction {
+            let own_turn = match (idle, place.slip_bound.is_any()) {
+                (true, _) => 2,
+                (false, true) => 0,
+                (false, false) => 1,
+            };
+            if !is_hard || own_turn != turn {
                 continue;
             }
             for row in rows.iter_mut().filter(|row| !row.is_empty()) {
-                if idle || !independent.add(row, own(place)) {
+                if !independent.add(row, own(place)) {
                     row.clear();
                 }
             }
