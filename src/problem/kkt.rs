@@ -268,6 +268,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     }
 
     /// Whether forces are as large as they are only because they cancel at their nodes, as those of constraints that contradict each other.
+    #[cfg(feature = "files")]
     pub(crate) fn has_cancelling_forces(&self, lambda: &[f64]) -> bool {
         /// The least ratio of all forces to what is left of them. Contradictions were found with 6 · 10⁵ and more.
         const CANCELLING: f64 = 1e5;
