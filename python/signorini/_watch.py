@@ -99,7 +99,9 @@ class Hearer:
         step = Step._of(json.loads(row))
         if self._bar:
             self._bar.step(step)
-        said = None if self._callback is None else self._callback(step)
+        if self._callback is None:
+            return True
+        said = self._callback(step)
         return not isinstance(said, (bool, np.bool_)) or bool(said)
 
     def ends(self, number: int, status: str) -> None:

@@ -132,15 +132,8 @@ where
         tie(0, &entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
-        let mut place = turned(candidate, unknowns);
-        if is_on_obstacle(&place) && place.directed.is_empty() && place.frame == candidate.frame {
-            // The first tangent is along the edge of two obstacles.
-            let others = normals.get(&place.own[0].0).into_iter().flatten();
-            let mut across = others.filter(|other| dot(**other, place.frame[0]).abs() < SAME_WAY);
-            if let (Some(way), None) = (across.next(), across.next()) {
-                turn_tangents(&mut place.frame, &way.map(|c| way.map(|d| c * d)));
-            }
-        }
+        let of_node = normals.get(&candidate.own[0].0);
+        let place = turned(candidate, unknowns, of_node.map_or(&[], Vec::as_slice));
         for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
             let (entries, motion) = row(unknowns, place.terms(a));
             tie(a, &entries, &motion);
@@ -246,21 +239,14 @@ fn make_independent<const D: usize>(
         }
     }
     // Those with friction first, and those that never act in the end.
-    for turn in 0..3 {
-        for ((rows, place), &idle) in rows[1].chunks_mut(D - 1).zip(places).zip(idle) {
-            let is_hard = is_on_obstacle(place) && place.compliance[1] == 0.0;
-            let own_turn = match (idle, place.slip_bound.is_any()) {
-                (true, _) => 2,
-                (false, true) => 0,
-                (false, false) => 1,
-            };
-            if !is_hard || own_turn != turn {
-                continue;
-            }
-            for row in rows.iter_mut().filter(|row| !row.is_empty()) {
-                if !independent.add(row, own(place)) {
-                    row.clear();
-                }
+    let is_hard = |&i: &usize| is_on_obstacle(&places[i]) && places[i].compliance[1] == 0.0;
+    let mut order: Vec<usize> = (0..places.len()).filter(is_hard).collect();
+    order.sort_by_key(|&i| (idle[i], !places[i].slip_bound.is_any()));
+    for i in order {
+        let of_place = &mut rows[1][(D - 1) * i..][..D - 1];
+        for row in of_place.iter_mut().filter(|row| !row.is_empty()) {
+            if !independent.add(row, own(&places[i])) {
+                row.clear();
             }
         }
     }
@@ -310,10 +296,12 @@ where
 }
 
 /// The place with its tangents turned, in space. The first is then perpendicular to the only direction in which
-/// supports hold all of its nodes: it is the direction left to slide along.
+/// supports hold all of its nodes, or to the normal of the only other obstacle that its node meets, of those with these `normals`: it is the
+/// direction left to slide along.
 pub(crate) fn turned<const D: usize>(
     place: &ContactPlace<D>,
     unknowns: &Unknowns<D>,
+    normals: &[[f64; D]],
 ) -> ContactPlace<D> {
     let mut place = place.clone();
     // Its further nodes have vectors for the directions as they are.
@@ -338,9 +326,15 @@ pub(crate) fn turned<const D: usize>(
             .iter()
             .all(|&(node, _)| held(node).contains(way))
     };
-    if let [way] = &first[..]
-        && everywhere(way)
-    {
+    let held = match &first[..] {
+        [way] if everywhere(way) => Some(*way),
+        _ => None,
+    };
+    let is_alone = is_on_obstacle(&place) && place.directed.is_empty();
+    let is_other = |normal: &&[f64; D]| dot(**normal, place.frame[0]).abs() < SAME_WAY;
+    let mut others = normals.iter().filter(|_| is_alone).filter(is_other);
+    let only = others.next().filter(|_| others.next().is_none());
+    if let Some(way) = held.or(only.copied()) {
         let onto = way.map(|c| way.map(|d| c * d));
         turn_tangents(&mut place.frame, &onto);
     }

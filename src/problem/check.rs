@@ -303,7 +303,7 @@ pub(super) fn checked_but_for_rank<const D: usize>(
     Ok(data)
 }
 
-/// d ≥ 0, but for rounding: of the coordinates that it was measured with, and of the motion of a single unknown under the
+/// d ≥ 0, apart from rounding: of the coordinates that it was measured with, and of the motion of a single unknown under the
 /// load. Not of other gaps, because a large one means that there is no obstacle.
 pub(super) fn open_gap<const D: usize>(
     gap: &mut [f64],

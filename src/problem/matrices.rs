@@ -116,7 +116,7 @@ impl<const D: usize> ContactProblem<D> {
         }
     }
 
-    /// Another gap, which must be as [`ContactProblem::new`] wants it: at least 0, but for rounding.
+    /// Another gap, under the rule of [`ContactProblem::new`]: rounding apart, no entry is below 0.
     ///
     /// # Errors
     /// That of an entry below 0, and those of [`ContactProblem::with_gap`].
