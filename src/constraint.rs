@@ -19,6 +19,11 @@ pub(crate) fn row_of<const D: usize>(m: usize, i: usize, a: usize) -> usize {
     }
 }
 
+/// The contact node (of m) of a row of λ.
+pub(crate) fn node_of<const D: usize>(m: usize, row: usize) -> usize {
+    row.checked_sub(m).map_or(row, |row| row / (D - 1))
+}
+
 /// The entries of contact node i of a vector as long as λ.
 pub(crate) fn at<const D: usize>(x: &[f64], i: usize) -> [f64; D] {
     from_fn(|a| x[row_of::<D>(x.len() / D, i, a)])

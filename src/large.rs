@@ -512,6 +512,7 @@ where
             },
             slip_bound: at.problem.bounds(&at.lambda).into_owned(),
             u,
+            settled: vec![0.0; slip.len()],
             slip,
             sizes: at.sets().sizes_in(&at.problem),
             sets: at.sets(),

@@ -32,7 +32,7 @@ pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 
-use crate::constraint::TIED;
+use crate::constraint::{TIED, node_of};
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
@@ -503,7 +503,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// [`UNREACHABLE`] over a place may be rounded down; no other gap comes near it.
     pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
         let m = self.m();
-        let node = row.checked_sub(m).map_or(row, |row| row / (D - 1));
+        let node = node_of::<D>(m, row);
         self.case.gap[node] >= 0.5 * UNREACHABLE
     }
 

@@ -11,10 +11,11 @@
 
 mod springs;
 
+use crate::constraint::node_of;
 use crate::dual::balance::BALANCED;
 use crate::dual::{DualOperator, conditions};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, LoadCase, System};
-use crate::sparse::norm;
+use crate::sparse::{add_times, dot, norm};
 use crate::ssnm::{
     self, Cause, Info, RecycledSubspace, SetSizes, Sets, SettingsError, Solution, SolveError,
     Status, Step, WarmStart,
@@ -64,7 +65,7 @@ pub struct State {
     pub u: Vec<f64>,
     /// λ, length D m.
     pub lambda: Vec<f64>,
-    /// [`Load::slide`] there.
+    /// [`Load::slide`] there, and [`StepSolution::settled`].
     pub slide: Vec<f64>,
 }
 
@@ -153,6 +154,9 @@ pub struct StepSolution<const D: usize = 2> {
     pub slip_bound: Vec<f64>,
     /// Slip in this step (T u − Cτ λτ and [`Load::slide`], their change), an entry per row of T.
     pub slip: Vec<f64>,
+    /// The part of T u by which it differs from slip that contradicts neither ties, nor closed contacts, nor nodes that
+    /// stick, an entry per row of T: below the tolerance, and part of the origin of the slip that follows.
+    pub settled: Vec<f64>,
     /// The sets at the end.
     pub sets: Sets<D>,
     /// Their sizes under the law of this step.
@@ -193,10 +197,12 @@ impl<C: Into<Cause>> From<C> for StepError {
 impl<const D: usize> StepSolution<D> {
     /// The start of the next step.
     pub fn state(&self, load: &Load) -> State {
+        let mut slide = load.slide.clone();
+        add_times(1.0, &self.settled, &mut slide);
         State {
             u: self.u.clone(),
             lambda: self.lambda.clone(),
-            slide: load.slide.clone(),
+            slide,
         }
     }
 
@@ -231,6 +237,11 @@ impl<const D: usize> StepSolution<D> {
         self.rounds.iter().map(|r| r.info.n_a).sum()
     }
 }
+
+/// The part of the contradictions of a solution, below ε, that may remain.
+const SETTLED: f64 = 1e-6;
+/// Steps to remove them at most.
+const SETTLING: usize = 100;
 
 /// A body counts as pushed if this part of the largest imbalance acts on it.
 const PUSHED: f64 = 1e-3;
@@ -506,12 +517,17 @@ impl<'a, const D: usize> Process<'a, D> {
         let (rows, m) = (self.lawful.tangential(), self.lawful.m());
         let mut slip = (self.lawful).beyond_compliance(rows, m, &solution.u, &solution.lambda);
         (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
+        let settled = match solution.status {
+            Status::Converged => settle(&self.lawful, &solution),
+            _ => vec![0.0; slip.len()],
+        };
         let proven = (self.made.last()).is_some_and(|last| !last.on_springs);
         let not_held = pushed(&self.lawful, &solution, proven);
         StepSolution {
             status: solution.status,
             slip_bound: self.lawful.bounds(&solution.lambda).into_owned(),
             slip,
+            settled,
             sizes: solution.sets.sizes_in(&self.lawful),
             sets: solution.sets,
             kkt: solution.info.kkt,
@@ -523,6 +539,64 @@ impl<'a, const D: usize> Process<'a, D> {
             rounds: self.made,
         }
     }
+}
+
+/// T x, where x is the least motion that makes exact the contacts that are closed, tied or stuck at a solution.
+///
+/// u obeys them to ε only. Where their rows depend on each other (a tie whose two sides stick to one floor, a node that
+/// sticks to a floor beside a wall), T u as the origin of slip would contradict the gaps of the next step: no force could
+/// make both hold, and those of the rows grew against each other.
+fn settle<const D: usize>(
+    problem: &ContactProblem<D, Elsewhere>,
+    solution: &Solution<D>,
+) -> Vec<f64> {
+    let m = problem.m();
+    let Solution { u, lambda, .. } = solution;
+    let b = problem.filled_columns();
+    let mut missing = problem.load_case().offsets();
+    let moved = problem.times(problem.contact_matrix(), u);
+    add_times(-1.0, &moved, &mut missing);
+    let compliance = problem.contact_compliance();
+    let is_exact: Vec<bool> = (0..D * m)
+        .map(|row| {
+            let i = node_of::<D>(m, row);
+            let acts = problem.is_tied(i) || lambda[i] > 0.0;
+            let holds = row < m || !solution.sets.slips(i) && problem.has_friction(i);
+            acts && holds && compliance.get(row).is_none_or(|&c| c == 0.0)
+        })
+        .collect();
+    let keep = |x: &mut [f64]| {
+        (x.iter_mut().zip(&is_exact))
+            .filter(|(_, is_exact)| !**is_exact)
+            .for_each(|(x, _)| *x = 0.0);
+    };
+    keep(&mut missing);
+    // Conjugate gradients on the least squares of B x = `missing`, from 0.
+    let square = |x: &[f64]| problem.ranks().norm(x).powi(2);
+    let mut x = vec![0.0; b.n_rows()];
+    let mut p = b.product(&missing);
+    let mut size = square(&p);
+    let enough = SETTLED * SETTLED * size;
+    let image = |p: &[f64]| {
+        let mut image = vec![0.0; D * m];
+        b.mul_transpose_add(1.0, p, &mut image);
+        problem.ranks().sum(&mut image);
+        image
+    };
+    for _ in 0..SETTLING {
+        if !(size > enough) {
+            break;
+        }
+        let mut closed = image(&p);
+        keep(&mut closed);
+        let along = size / dot(&closed, &closed);
+        add_times(along, &p, &mut x);
+        add_times(-along, &closed, &mut missing);
+        let slope = b.product(&missing);
+        let before = std::mem::replace(&mut size, square(&slope));
+        (p.iter_mut().zip(slope)).for_each(|(p, slope)| *p = slope + size / before * *p);
+    }
+    image(&x).split_off(m)
 }
 
 /// The bodies that an imbalance pushes, and their directions.

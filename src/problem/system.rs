@@ -1,6 +1,7 @@
 //! The data of K, N, T, the points and the areas: made once, and shared by all load cases.
 
 use super::{ContactData, FloatingBodies, Vertices, tangents};
+use crate::constraint::node_of;
 use crate::ranks::Ranks;
 use crate::sparse::{BlockCsr, Csr, PIECE, ROWS_PER_TASK};
 use rayon::prelude::*;
@@ -144,8 +145,7 @@ impl<const D: usize> System<D> {
         let m = self.normal.n_rows();
         let mut touched = vec![false; self.n_rows() / D];
         for (row, j, _) in self.contact.triplets() {
-            let of = row.checked_sub(m).map_or(row, |row| row / (D - 1));
-            touched[j / D] |= node(of);
+            touched[j / D] |= node(node_of::<D>(m, row));
         }
         touched
     }

@@ -346,3 +346,85 @@ fn sides_follow_where_one_of_them_is_held() {
         }
     }
 }
+
+/// Bodies that are tied at a seam move on a floor with friction as one body does, load step by load step, although the
+/// forces of the floor on either side of the seam and those of the tie are not unique.
+fn on_a_floor<const D: usize>(bodies: [Mesh<D>; 2], hold: impl Fn(Support<D>) -> Support<D>)
+where
+    ElementKind: Space<D>,
+{
+    let up = std::array::from_fn(|c| f64::from(u8::from(c == D - 1)));
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; D],
+        normal: up,
+    };
+    for path in PATHS {
+        let [one, two] = [0, 1].map(|tied: usize| {
+            let mesh = bodies[tied].clone();
+            let of = |side: &str| match tied {
+                0 => named("one", &[side]),
+                _ => [named("a", &[side]), named("b", &[side])].concat(),
+            };
+            let mut model = Model::on(mesh)
+                .material(Material::new(1e5, 0.3))
+                .steps([1.0, 2.0, 3.0, 1.0])
+                .support(hold(Support::on(of("top"))))
+                .contact(Pair::obstacle(of("bottom"), floor).coulomb(0.2));
+            if tied > 0 {
+                model = model.tie(Pair::tied("a-right", "b-left"));
+            }
+            answer(model, 1e-9, path)
+        });
+        for (step, (one, two)) in one.reports().iter().zip(two.reports()).enumerate() {
+            let [one, two] = [one, &two].map(|report| &report.contacts[0].force);
+            assert!(
+                one.iter().zip(two).all(|(a, b)| (a - b).abs() < 1e-3),
+                "step {step}: {one:?} {two:?}"
+            );
+        }
+        let (there, moved) = (&two.built.elastic.mesh.nodes, two.displacement());
+        let size = 0.03;
+        for (x, u) in one.built.elastic.mesh.nodes.iter().zip(one.displacement()) {
+            let same = |at: &[f64; D]| (0..D).all(|c| (at[c] - x[c]).abs() < 1e-9);
+            for i in (0..there.len()).filter(|&i| same(&there[i])) {
+                for c in 0..D {
+                    assert!(
+                        (u[c] - moved[i][c]).abs() < 1e-6 * size,
+                        "{x:?}: {u:?} {:?}",
+                        moved[i]
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn seams_on_a_floor_with_friction() {
+    let part = |name: &str, from: f64, wide: usize| {
+        let (size, prefix) = ([wide as f64 / 3.0, 1.0], format!("{name}-"));
+        rectangle([from, 0.0], size, [wide, 3], CellShape::Quad, name, &prefix)
+    };
+    let bodies = [
+        part("one", 0.0, 6),
+        join(part("a", 0.0, 3), part("b", 1.0, 3)),
+    ];
+    on_a_floor(bodies, |top| top.x(1e-4).y(-1e-2));
+    let part = |name: &str, from: f64, wide: usize| {
+        let (size, prefix) = ([wide as f64 / 3.0, 1.0, 1.0], format!("{name}-"));
+        let cells = [wide, 2, 2];
+        block(
+            [from, 0.0, 0.0],
+            size,
+            cells,
+            SolidShape::Hexahedron,
+            name,
+            &prefix,
+        )
+    };
+    let bodies = [
+        part("one", 0.0, 6),
+        join(part("a", 0.0, 3), part("b", 1.0, 3)),
+    ];
+    on_a_floor(bodies, |top| top.x(1e-4).y(-3e-4).z(-1e-2));
+}
