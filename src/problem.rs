@@ -146,10 +146,11 @@ impl<const D: usize> ContactProblem<D> {
     fn from_checked(data: ContactData<D>, n: usize) -> Self {
         let system = System::new(&data, n);
         let origin = vec![0.0; system.tangential().n_rows()];
+        let acting = norm(&data.load);
         Self {
             system: Arc::new(system),
             stiffness: Arc::new(data.stiffness),
-            case: LoadCase::new(data.load, data.gap, origin, data.slip_bound),
+            case: LoadCase::new(data.load, acting, data.gap, origin, data.slip_bound),
         }
     }
 
@@ -400,8 +401,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             stiffness: self.stiffness.clone(),
             case: LoadCase {
                 force: Arc::clone(&self.case.force),
-                acting: self.case.acting,
-                ..LoadCase::new(Vec::new(), gap, origin, slip_bound)
+                ..LoadCase::new(Vec::new(), self.case.acting, gap, origin, slip_bound)
             },
         })
     }

@@ -296,12 +296,12 @@ pub(crate) fn lawful<const D: usize>(
     start: &State,
 ) -> ContactProblem<D, Elsewhere> {
     let case = LoadCase {
-        acting: load.acting,
         travelled: Some(Arc::new(whole.body_sizes(&start.u))),
         before: start.lambda.clone(),
         friction: Arc::clone(&whole.load_case().friction),
         ..LoadCase::new(
             load.force.clone(),
+            load.acting,
             load.gap.clone(),
             start.slip_origin(&whole, load),
             whole.slip_bound().to_vec(),

@@ -324,15 +324,13 @@ where
     problem
         .with_areas(contact.pooled_areas())
         .map_err(failed)?
-        .under(LoadCase {
+        .under(LoadCase::new(
+            load,
             acting,
-            ..LoadCase::new(
-                load,
-                contact.gap(unknowns),
-                zero,
-                contact.slip_bound.clone(),
-            )
-        })
+            contact.gap(unknowns),
+            zero,
+            contact.slip_bound.clone(),
+        ))
         .with_friction_coefficient(contact.coefficient.clone())
         .map_err(failed)
 }

@@ -191,8 +191,10 @@ impl<const D: usize> OwnMatrices<D> {
             true => vec![value; len],
             false => values,
         };
+        let acting = ranks.norm(&self.load);
         let case = LoadCase::new(
             self.load,
+            acting,
             self.gap,
             or(slip_origin, (D - 1) * m, 0.0),
             self.slip_bound,
@@ -208,7 +210,6 @@ impl<const D: usize> OwnMatrices<D> {
             compliance,
             parts,
             case: LoadCase {
-                acting: ranks.norm(case.force()),
                 friction: Arc::new(coefficients(&self.friction)),
                 ..case
             },

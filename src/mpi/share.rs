@@ -256,10 +256,10 @@ where
                 compliance: contact.compliance.clone(),
                 parts: received.part.parts.clone(),
                 case: LoadCase {
-                    acting: first.load.acting,
                     friction: Arc::new(coefficients(&contact.coefficient)),
                     ..LoadCase::new(
                         first.load.force,
+                        first.load.acting,
                         first.load.gap,
                         zero,
                         contact.slip_bound.clone(),

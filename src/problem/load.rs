@@ -1,6 +1,5 @@
 //! The data that change from load step to load step.
 
-use crate::sparse::norm;
 use std::sync::Arc;
 
 /// The load of a contact problem, and the origins of gap and slip: a small value beside a [`System`](super::System),
@@ -27,15 +26,17 @@ pub struct LoadCase {
 }
 
 impl LoadCase {
-    /// From rest; f may be larger than the acting forces, by the contribution of prescribed displacements.
+    /// From rest, with the size of the acting forces: f may be larger, by the contribution of prescribed displacements, and
+    /// may be distributed over ranks.
     pub(crate) fn new(
         force: Vec<f64>,
+        acting: f64,
         gap: Vec<f64>,
         slip_origin: Vec<f64>,
         slip_bound: Vec<f64>,
     ) -> Self {
         Self {
-            acting: norm(&force),
+            acting,
             force: Arc::new(force),
             gap,
             slip_origin,

@@ -91,7 +91,8 @@ impl<'a, const D: usize> OnSprings<'a, D> {
         alpha.iter_mut().for_each(|a| *a /= self.stiffness);
         let none = vec![0.0; self.problem.contact_matrix().n_rows()];
         let (gap, origin) = none.split_at(self.problem.m());
-        let case = LoadCase::new(forces, gap.to_vec(), origin.to_vec(), gap.to_vec());
+        let size = self.problem.ranks().norm(&forces);
+        let case = LoadCase::new(forces, size, gap.to_vec(), origin.to_vec(), gap.to_vec());
         let mut u = self.dual.displacement(&case, &none, residual, stop)?;
         self.take_out(&mut u);
         self.problem.floating_bodies().add_motion(&alpha, &mut u);

@@ -135,7 +135,8 @@ impl<const D: usize> Newton<'_, D> {
             floating.add_motion(&back, x);
         };
         balance(&mut force);
-        let mut moved = self.products.moved_by(force)?;
+        let size = self.problem.ranks().norm(&force);
+        let mut moved = self.products.moved_by(force, size)?;
         balance(&mut moved);
         self.blur = self.problem.times(self.problem.contact_matrix(), &moved);
         self.blur.iter_mut().for_each(|b| *b = b.abs());

@@ -102,9 +102,9 @@ impl<'a> Products<'a> {
         self.dual.displacement(self.load, lambda, residual, stop)
     }
 
-    /// u under these forces alone.
-    pub fn moved_by(&mut self, force: Vec<f64>) -> Result<Vec<f64>, DualError> {
-        let (residual, rows) = (EXACT * norm(&force), self.dual.size().1);
+    /// u under these forces alone, of this size.
+    pub fn moved_by(&mut self, force: Vec<f64>, size: f64) -> Result<Vec<f64>, DualError> {
+        let (residual, rows) = (EXACT * size, self.dual.size().1);
         let load = LoadCase {
             force: Arc::new(force),
             ..self.load.clone()

@@ -12,7 +12,7 @@ use crate::control::Stop;
 use crate::dual::balance::Balance;
 use crate::dual::{DualError, DualOperator, LARGEST_MATRIX, spectrum};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase};
-use crate::sparse::{add_times, difference, norm};
+use crate::sparse::{add_times, difference};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
@@ -70,7 +70,7 @@ impl Start {
             let mut force = case.force.to_vec();
             problem.floating_bodies().add_motion(&less, &mut force);
             case = LoadCase {
-                acting: norm(&force),
+                acting: problem.ranks().norm(&force),
                 force: Arc::new(force),
                 ..case
             };
