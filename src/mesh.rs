@@ -555,11 +555,42 @@ where
         all.into_iter().filter(|&(_, count)| count > 0).collect()
     }
 
+    /// The facts about all of it that reports tell.
+    pub(crate) fn census(&self) -> Census {
+        let (low, high) = self.bounding_box();
+        let mut kinds: Vec<Vec<(ElementKind, usize)>> = vec![Vec::new(); self.regions.len()];
+        for element in &self.elements {
+            let of_region = &mut kinds[element.region as usize];
+            match of_region
+                .iter_mut()
+                .find(|(kind, _)| *kind == element.kind())
+            {
+                Some((_, count)) => *count += 1,
+                None => of_region.push((element.kind(), 1)),
+            }
+        }
+        Census {
+            notes: self.notes.clone(),
+            kinds,
+            size: vector::length(vector::minus(high, low)),
+        }
+    }
+
     /// Smallest and largest corner of the box around the elements.
     pub fn bounding_box(&self) -> ([f64; D], [f64; D]) {
         let of_elements = self.elements.iter().flat_map(Element::nodes);
         bounds(of_elements.map(|&node| self.nodes[node as usize]))
     }
+}
+
+/// Facts about a whole mesh, of which a rank has only a part.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Census {
+    pub notes: Vec<String>,
+    /// The kinds of elements in each region, with their numbers.
+    pub kinds: Vec<Vec<(ElementKind, usize)>>,
+    /// The diagonal of the box around it.
+    pub size: f64,
 }
 
 /// Integrates over an element.

@@ -16,7 +16,7 @@ use super::{Axis, Changes, Definition, Driven, PairData, Quantity, Units};
 use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
-use crate::mesh::{Element, ElementKind, FacetPoint, Groups, Mesh, Topology, facet_nodes};
+use crate::mesh::{Census, Element, ElementKind, FacetPoint, Groups, Mesh, Topology, facet_nodes};
 use crate::problem::{FloatingBodies, Motions};
 use crate::quasistatic::Load;
 use crate::ranks::{Group, Ranks};
@@ -57,8 +57,7 @@ pub(crate) struct Common {
     /// The regions of each temperature; None: all.
     warm_regions: Vec<Option<Vec<u32>>>,
     pub steps: Vec<Step>,
-    /// The box around the mesh.
-    pub corners: [Vec<f64>; 2],
+    pub census: Census,
 }
 
 /// A contact place without its nodes.
@@ -362,7 +361,6 @@ where
         let (count, part) = parts(elastic);
         let touched = touched(elastic);
         let (bodies, ties) = floating(elastic, count, &part, &touched)?;
-        let (low, high) = mesh.bounding_box();
         let contact = &elastic.contact;
         let common = Common {
             n_free: elastic.unknowns.n_free(),
@@ -392,7 +390,7 @@ where
             bodies,
             warm_regions,
             steps,
-            corners: [low.to_vec(), high.to_vec()],
+            census: mesh.census(),
         };
         Ok(Self {
             elastic,

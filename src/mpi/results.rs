@@ -102,12 +102,12 @@ where
         agreed(&group, prepared)?;
         let bodies = share.bodies.clone();
         let elastic = bodies.as_ref().map(|bodies| &bodies.received.elastic);
-        let mut report = Report::of(title, &share.problem, elastic);
+        let census = bodies
+            .as_ref()
+            .map(|bodies| bodies.received.common.census.clone());
+        let mut report = Report::of(title, &share.problem, elastic, census.unwrap_or_default());
         report.n = share.system().n_free();
         if let Some(bodies) = &bodies {
-            let [low, high] = &bodies.received.common.corners;
-            let side = |c: usize| high[c] - low[c];
-            report.size = length(std::array::from_fn::<_, D, _>(side));
             [report.timings.assembly, report.timings.pairing] = bodies.seconds;
         }
         let division = share.division();

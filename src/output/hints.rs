@@ -5,7 +5,7 @@ use crate::contact::Space;
 use crate::dense::pseudo_inverse;
 use crate::elasticity::{Hyperelastic, Plane};
 use crate::mesh::vector::{cross, dot, length, minus};
-use crate::mesh::{ElementKind, facet_nodes};
+use crate::mesh::{Census, ElementKind, facet_nodes};
 use crate::model::{Driven, Elastic, PairData};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
@@ -38,16 +38,19 @@ pub(crate) fn contradiction<const D: usize, K>(
 }
 
 /// The regions of nearly incompressible materials whose elements lock.
-fn locking<const D: usize>(elastic: &Elastic<D>) -> impl Iterator<Item = String>
+fn locking<const D: usize>(elastic: &Elastic<D>, census: &Census) -> impl Iterator<Item = String>
 where
     ElementKind: Space<D>,
 {
     let mesh = &elastic.mesh;
     let locks = |kind| matches!(kind, ElementKind::Triangle | ElementKind::Tetrahedron);
-    let regions = (0..).zip(mesh.regions.iter().zip(&elastic.materials));
-    regions.filter_map(move |(region, (name, material))| {
-        let elements = || mesh.elements.iter().filter(|e| e.region == region);
-        let locked = material.is_projected(elastic.plane) && elements().any(|e| locks(e.kind()));
+    let regions = census
+        .kinds
+        .iter()
+        .zip(mesh.regions.iter().zip(&elastic.materials));
+    regions.filter_map(move |(kinds, (name, material))| {
+        let any = kinds.iter().any(|&(kind, _)| locks(kind));
+        let locked = material.is_projected(elastic.plane) && any;
         locked.then(|| {
             format!(
                 "region {name}: first-order {} are far too stiff at ν = {}, and no formulation corrects them: take \
@@ -157,15 +160,20 @@ where
 }
 
 /// Regions that ask for incompatible modes and have no elements that may have them.
-fn without_modes<const D: usize>(elastic: &Elastic<D>) -> impl Iterator<Item = String>
+fn without_modes<const D: usize>(
+    elastic: &Elastic<D>,
+    census: &Census,
+) -> impl Iterator<Item = String>
 where
     ElementKind: Space<D>,
 {
     let mesh = &elastic.mesh;
-    let regions = (0..).zip(mesh.regions.iter().zip(&elastic.materials));
-    regions.filter_map(move |(region, (name, material))| {
-        let mut elements = mesh.elements.iter().filter(|e| e.region == region);
-        let any = elements.any(|e| e.kind().may_have_modes());
+    let regions = census
+        .kinds
+        .iter()
+        .zip(mesh.regions.iter().zip(&elastic.materials));
+    regions.filter_map(move |(kinds, (name, material))| {
+        let any = kinds.iter().any(|(kind, _)| kind.may_have_modes());
         (material.incompatible_modes && !any).then(|| {
             format!("region {name}: incompatible modes exist in quadrilaterals and hexahedra of first order only, and \
                      it has none")
@@ -205,6 +213,7 @@ where
 /// (One function: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(
     of: &OfBodies<D>,
+    census: &Census,
     contacts: &[ContactReport],
     apart: &[f64],
 ) -> Vec<String>
@@ -212,17 +221,17 @@ where
     ElementKind: Space<D>,
 {
     let (elastic, fields) = (of.elastic, &of.contact);
-    let mut hints = elastic.mesh.notes.clone();
-    hints.extend(locking(elastic));
-    hints.extend(without_modes(elastic));
+    let mut hints = census.notes.clone();
+    hints.extend(locking(elastic, census));
+    hints.extend(without_modes(elastic, census));
     hints.extend(without_law(elastic));
     hints.extend(held_sections(of, contacts));
-    if !elastic.is_large() {
+    // A rank does not see how far whole bodies have turned.
+    let all: usize = census.kinds.iter().flatten().map(|(_, count)| count).sum();
+    if !elastic.is_large() && elastic.mesh.elements.len() == all {
         hints.extend(turned(of));
     }
     let units = &elastic.units;
-    let (low, high) = elastic.mesh.bounding_box();
-    let size = length(minus(high, low));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     let pairs = elastic.pairs.iter().zip(contacts).enumerate();
     // A tie neither opens nor slides.
@@ -237,7 +246,7 @@ where
                     "{name}: the sides are farther apart than the search distance {}",
                     units.long(pair.search_distance)
                 )
-            } else if least > 1e-12 * size {
+            } else if least > 1e-12 * census.size {
                 format!(
                     "{name}: no node touches; the least gap left is {}",
                     units.long(least)

@@ -8,8 +8,7 @@ use crate::contact::Space;
 use crate::control::Costs;
 use crate::dual::DualOperator as _;
 use crate::engine::Engine;
-use crate::mesh::vector::{length, minus};
-use crate::mesh::{ElementKind, Topology};
+use crate::mesh::{Census, ElementKind, Topology};
 use crate::model::{Analysis, Elastic, Units};
 use crate::problem::{ContactProblem, Kkt};
 use crate::quasistatic::{Round, StepSolution};
@@ -208,6 +207,9 @@ pub struct Report {
     /// The diagonal of the box around the mesh; 0 in an algebraic case.
     #[serde(skip)]
     pub size: f64,
+    /// Of the whole mesh.
+    #[serde(skip)]
+    census: Census,
     /// [`ContactFields::slip`](super::ContactFields::slip) at the end of the last step; empty before the first.
     #[serde(skip)]
     slip: Vec<f64>,
@@ -231,29 +233,31 @@ impl Report {
         ElementKind: Topology<D>,
     {
         let Analysis { problem, elastic } = analysis.into();
-        Self::of(title, problem, elastic)
+        let census = elastic.map_or_else(Census::default, |elastic| elastic.mesh.census());
+        Self::of(title, problem, elastic, census)
     }
 
-    /// The same, for any K.
+    /// The same, for any K and parts of a mesh.
     pub(crate) fn of<const D: usize, K>(
         title: &str,
         problem: &ContactProblem<D, K>,
         elastic: Option<&Elastic<D>>,
+        census: Census,
     ) -> Self
     where
         ElementKind: Topology<D>,
     {
-        let kinds = elastic.map_or_else(Vec::new, |elastic| elastic.mesh.kinds());
+        let kinds = || census.kinds.iter().flatten();
+        let mut elements = BTreeMap::new();
+        kinds().for_each(|(kind, count)| *elements.entry(kind.name()).or_default() += count);
         Self {
             title: title.to_owned(),
             units: elastic.map_or_else(Units::default, |e| e.units.clone()),
             status: Some(Status::Interrupted),
             error: None,
             hints: Vec::new(),
-            elements: (kinds.iter())
-                .map(|&(kind, count)| (kind.name(), count))
-                .collect(),
-            order: kinds.iter().map(|(kind, _)| kind.order()).max(),
+            elements,
+            order: kinds().map(|(kind, _)| kind.order()).max(),
             cycles: elastic.map_or(1, |elastic| elastic.cycles().count),
             n: problem.n_free(),
             m: problem.m(),
@@ -283,10 +287,8 @@ impl Report {
             ranks: None,
             version: env!("CARGO_PKG_VERSION"),
             history: Vec::new(),
-            size: elastic.map_or(0.0, |elastic| {
-                let (low, high) = elastic.mesh.bounding_box();
-                length(minus(high, low))
-            }),
+            size: census.size,
+            census,
             slip: Vec::new(),
             before: Before::default(),
         }
@@ -336,7 +338,7 @@ impl Report {
         ElementKind: Space<D>,
     {
         let contacts = contact_reports(of, solution, &self.slip);
-        self.hints = hints::hints(of, &contacts, apart);
+        self.hints = hints::hints(of, &self.census, &contacts, apart);
         self.slip.clone_from(&of.contact.slip);
         contacts
     }

@@ -22,7 +22,7 @@ fn main() {
         .skip(1)
         .filter(|arg| !arg.starts_with('-'))
         .collect();
-    let tests: [(&str, fn()); 13] = [
+    let tests: [(&str, fn()); 14] = [
         ("the_templates", the_templates),
         ("iterations", iterations),
         ("kinds", kinds::kinds),
@@ -32,6 +32,7 @@ fn main() {
         ("pieces_are_whole", pieces_are_whole),
         ("ranks_without_unknowns", ranks_without_unknowns),
         ("faults", faults),
+        ("not_held", not_held),
         ("foreseen", foreseen),
         ("limits", limits),
         ("launchers", launchers),
@@ -395,6 +396,52 @@ fn faults() {
     let said = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{said}");
     assert_eq!(said.matches("error: rank 1:").count(), 1, "{said}");
+}
+
+/// A body that nothing holds ends a run as in one process; hints are about all of the mesh.
+fn not_held() {
+    let tiny = TINY.replace("cells = [1, 1]", "cells = [8, 8]");
+    let lifted = tiny
+        .replace("-1e6", "1e6")
+        .replace("[[support]]\nboundary = \"left\"\nx = 0\ny = 0\n", "");
+    let stiff = tiny.replace("poisson = 0.3", "poisson = 0.49");
+    let told = |text: &str, more: &[&str], ranks: Option<usize>| {
+        let place = tempfile::tempdir().expect("a directory");
+        let case = place.path().join("case.toml");
+        std::fs::write(&case, text).expect("a case");
+        let out = place.path().join("out");
+        let mut command = signorini("solve");
+        let all = ["--quiet", "--output"];
+        command.arg(&case).args(more).args(all).arg(&out);
+        let run = match ranks {
+            Some(ranks) => mpirun(ranks, &mut command),
+            None => command.output().expect("the program"),
+        };
+        (run.status.code(), report(&out).report)
+    };
+    for (text, more) in [
+        (lifted.as_str(), &[][..]),
+        (&stiff, &["--set", "mesh.rectangle.shape=\"triangle\""]),
+    ] {
+        let (code, alone) = told(text, more, None);
+        for ranks in [2, 3, 4] {
+            let (found, report) = told(text, more, Some(ranks));
+            assert_eq!(found, code, "{report}");
+            for key in ["status", "hints", "elements"] {
+                assert_eq!(report[key], alone[key], "{key} on {ranks}");
+            }
+        }
+        let expected = if text == lifted {
+            "not_held"
+        } else {
+            "converged"
+        };
+        assert_eq!(alone["status"], expected);
+        assert!(
+            text == lifted || alone["hints"].to_string().contains("far too stiff"),
+            "{alone}"
+        );
+    }
 }
 
 /// The forecast of `check` for each rank is correct: the unknowns, and roughly the memory.

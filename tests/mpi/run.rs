@@ -36,6 +36,10 @@ pub fn compare(case: &Path, ranks: &[usize]) {
     for &ranks in ranks {
         let shared = solved(Some(ranks), case, &[], &place.join("ranks"));
         assert_eq!(shared.report["ranks"]["count"], ranks);
+        for key in ["elements", "order", "hints"] {
+            let [told, expected] = [&shared, &direct].map(|run| &run.report[key]);
+            assert_eq!(told, expected, "{name} on {ranks}: {key}");
+        }
         // Forces that are rounding of the acting ones count as zero.
         let forces = off(
             &shared.forces(),
