@@ -2,6 +2,7 @@
 
 use super::{ContactData, ContactProblem, Elsewhere, ProblemError, check, tangents};
 use crate::sparse::{BlockCsr, Csr};
+use std::sync::Arc;
 
 impl<const D: usize> ContactProblem<D> {
     /// The problem of m contacts with Coulomb friction whose relative velocities (or displacements) are u = W r + q at
@@ -59,10 +60,11 @@ impl<const D: usize> ContactProblem<D> {
             slip_bound: vec![0.0; m],
             coordinates: None,
         };
-        let problem = Self::new(data)?
+        let mut problem = Self::new(data)?
             .with_friction_coefficient(friction.to_vec())?
             .with_gap(gap)?
             .with_slip_origin(origin)?;
+        Arc::make_mut(&mut problem.system).is_rigid = true;
         Ok(problem.elsewhere())
     }
 }

@@ -3,7 +3,8 @@
 //! Violations are relative to the present problem, not to rigid-body displacements nor to an earlier, larger load:
 //!
 //! - lengths to the largest deformation, which is u without the mean rigid-body motion of each connected body; or, if
-//!   larger, to the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ, of λᵢ what arrives at the node);
+//!   larger, to the effect of a contact force on its own node alone ((Σ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ, of λᵢ what arrives at the node). Where W is
+//!   given in place of K, u alone counts: the effect of a force on a light body that others press back is far larger;
 //! - forces to the acting ones: the larger of ‖f‖ (without the contribution of prescribed displacements) and ‖Bᵀλ‖.
 //!
 //! A difference within the rounding of its terms (32 units in the last place) counts as zero: f64 resolves nothing smaller. Each
@@ -283,6 +284,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// unknowns, and Cᵢᵢ λᵢ. Where constraints contradict each other, forces grow without end and cancel at their nodes: they must not
     /// hide the contradiction.
     pub(crate) fn own_effects(&self, lambda: &[f64]) -> Vec<f64> {
+        if self.is_rigid {
+            return vec![0.0; lambda.len()];
+        }
         let rows = self.contact_matrix();
         let mut forces = vec![0.0; rows.n_cols()];
         rows.mul_transpose_add(1.0, lambda, &mut forces);

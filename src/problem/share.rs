@@ -61,6 +61,7 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
             tangential,
             coordinates: share.coordinates,
             vertices: None,
+            is_rigid: false,
             ranks: ranks.clone(),
         };
         if !share.compliance.is_empty() {

@@ -40,6 +40,8 @@ pub struct System<const D: usize = 2> {
     pub(super) contact_compliance: Vec<f64>,
     /// Both together.
     pub(super) compliance: Vec<f64>,
+    /// Whether W is given in place of K: own compliances are those of bodies that move as a whole, and say nothing about lengths.
+    pub(super) is_rigid: bool,
     /// The ranks with the other unknowns, if this process has not all.
     pub(super) ranks: Ranks,
 }
@@ -70,6 +72,7 @@ impl<const D: usize> System<D> {
             compliance: Vec::new(),
             own_compliance: Vec::new(),
             contact_compliance: Vec::new(),
+            is_rigid: false,
             ranks: Ranks::default(),
             diagonal: k.diagonal(),
             normal: Csr::from_triplets(0, 0, []),
@@ -103,6 +106,11 @@ impl<const D: usize> System<D> {
     /// The corners of elements of second order, if there are any.
     pub fn vertices(&self) -> Option<&Arc<Vertices<D>>> {
         self.vertices.as_ref()
+    }
+
+    /// Whether W is given in place of K.
+    pub(crate) fn is_rigid(&self) -> bool {
+        self.is_rigid
     }
 
     /// Number of unknowns n that the user gave.

@@ -166,8 +166,9 @@ fn rounding<const D: usize, K>(
     problem.rounding(moved.collect(), lambda)
 }
 
-/// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate gradients; NaN if
-/// they break down.
+/// δ with (B D⁻¹ Bᵀ + C) δ = `missing` on the multipliers where that is not zero, by this many steps of conjugate residuals: where
+/// rows depend on each other, some of what is missing is out of reach of all forces, and the steps leave it. NaN if something
+/// missing is not finite.
 fn close_alone<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     missing: &[f64],
@@ -201,25 +202,28 @@ fn close_alone<const D: usize, K>(
         each.map(|(r, c)| if *c > 0.0 { r / c } else { 0.0 })
             .collect()
     };
-    let mut rest = missing.to_vec();
+    let mut rest = preconditioned(missing);
     let mut delta = vec![0.0; rest.len()];
-    let mut z = preconditioned(&rest);
-    let mut p = z.clone();
-    let mut rz = dot(&rest, &z);
-    let rounding = ROUNDING * rz;
+    let size = dot(&rest, missing);
+    if !size.is_finite() {
+        return vec![f64::NAN; rest.len()];
+    }
+    let mut p = rest.clone();
+    let mut image = times(&p);
+    let mut along_rest = dot(&rest, &image);
     for _ in 0..steps {
-        if !(rz > rounding) {
+        if !(along_rest > ROUNDING * size) {
             break;
         }
-        let image = times(&p);
-        let along = rz / dot(&p, &image);
-        add_times(along, &p, &mut delta);
-        add_times(-along, &image, &mut rest);
-        z = preconditioned(&rest);
-        let next = dot(&rest, &z);
-        let factor = next / rz;
-        rz = next;
-        p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + factor * *p);
+        let weighted = preconditioned(&image);
+        let part = along_rest / dot(&image, &weighted);
+        add_times(part, &p, &mut delta);
+        add_times(-part, &weighted, &mut rest);
+        let of_rest = times(&rest);
+        let before = std::mem::replace(&mut along_rest, dot(&rest, &of_rest));
+        let factor = along_rest / before;
+        (p.iter_mut().zip(&rest)).for_each(|(p, z)| *p = z + factor * *p);
+        (image.iter_mut().zip(&of_rest)).for_each(|(image, z)| *image = z + factor * *image);
     }
     delta
 }

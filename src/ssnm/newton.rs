@@ -133,6 +133,9 @@ impl<const D: usize> Newton<'_, D> {
     /// ‖((Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ)ᵢ‖: the effect of each force on its own node if nothing else moved. An err below this times ε is
     /// good enough however small err⁰ is.
     pub fn local_error(&self, lambda: &[f64]) -> f64 {
+        if self.problem.is_rigid() {
+            return 0.0;
+        }
         let own: Vec<f64> = (self.problem.compliance().iter().zip(lambda))
             .enumerate()
             .map(|(i, (c, l))| c * l * self.products.dual.factor(i).powi(2))
