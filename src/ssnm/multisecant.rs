@@ -4,7 +4,7 @@ use super::check::Ended;
 use super::goal::Goal;
 use super::known::{Known, OnMatrix};
 use super::newton::{Newton, Way};
-use super::point::Point;
+use super::point::{GradientStep, Point};
 use super::sets::Sets;
 use super::subproblem::Subproblem;
 use super::{NewtonSettings, Numbers, Status, Step};
@@ -131,10 +131,32 @@ impl<const D: usize> Newton<'_, D> {
     fn propose(&self, way: &Way<D>, fruitless: usize) -> Proposal {
         // If A itself makes no progress, the surrogate may: it has no τ that hides directions along which A is small.
         let known = self.known.as_ref().filter(|_| fruitless % 4 != 2);
-        let (mut point, steps, is_solved) = match known {
+        let (point, steps, is_solved) = match known {
             Some(known) => self.on_matrix(known, way),
             None => self.on_surrogate(way, fruitless),
         };
+        let proposal = self.proposed(way, point, steps, [known.is_some(), is_solved]);
+        let is_convex = known.is_none() && !self.law.is_coulomb();
+        if !is_convex || proposal.err < way.err || self.products.stop.now().is_some() {
+            return proposal;
+        }
+        // Where forces at their bounds leave a body free, Newton's method may find no direction. A projected gradient step leads on.
+        let GradientStep { end, start } = self.step_from(&way.point, self.gradient_length());
+        let point = Point {
+            lambda: end,
+            ..start
+        };
+        self.proposed(way, point, steps, [false, true])
+    }
+
+    /// The proposal of a point that has the r of λᵏ and its own motion.
+    fn proposed(
+        &self,
+        way: &Way<D>,
+        mut point: Point,
+        steps: usize,
+        [is_on_matrix, is_solved]: [bool; 2],
+    ) -> Proposal {
         // Forces below the rounding of those from which they were computed, step by step, count as zero.
         let none = vec![0.0; point.lambda.len()];
         if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&way.point.lambda)
@@ -154,7 +176,7 @@ impl<const D: usize> Newton<'_, D> {
             step,
             image,
             steps,
-            is_on_matrix: known.is_some(),
+            is_on_matrix,
             is_solved,
         }
     }

@@ -1,6 +1,8 @@
 //! Valid pairs of contact: supports that drive contact nodes, corners, lists of boundaries, distances.
 
-use crate::common::models::answer;
+use crate::common::models::{answer, on_the_cpu};
+use crate::common::or_panic::OrPanic as _;
+use crate::common::solved::built;
 use crate::common::{Solved, case, solve_case_twice};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
@@ -8,6 +10,7 @@ use signorini::engine::Stiffness;
 use signorini::mesh::structured::{self, SolidShape};
 use signorini::model::{Model, Pair, Support};
 use signorini::output::NodeStatus;
+use signorini::ssnm::Status;
 
 const ROCK: &str = "[[material]]\nyoung = 1e9\npoisson = 0.3\n";
 
@@ -502,5 +505,28 @@ fn friction_in_a_groove_is_along_it() {
         let limit = 0.3 * floor.normal_force;
         assert!((along + limit).abs() < 1e-6 * limit, "{angle}: {floor:?}");
         assert!(across.abs() < 1e-6 * limit, "{angle}: {floor:?}");
+    }
+}
+
+/// A plate that nothing but the friction of a floor holds, under loads that come and go: forces at their bounds leave it free to
+/// slide in what the steps before have learnt of it, and the next step has to find a way all the same.
+#[test]
+fn a_free_plate_under_loads_that_come_and_go() {
+    let text = "[steps]\nfactors = [0.92, 0.52, 0.98, 0.93, 0.48]\n\
+        [[mesh.part]]\nname = \"a\"\nrectangle = { size = [2, 1], cells = [6, 3] }\n\
+        [[material]]\nyoung = 1e3\npoisson = 0.3\n\
+        [[contact]]\nboundary = \"a-bottom\"\nfriction = { tresca = 2.2677726331710772 }\n\
+        obstacle = { half_plane = { point = [0, 0], normal = [0, 1] } }\n\
+        [[traction]]\nboundary = \"a-top\"\npressure = 10\n\
+        [[traction]]\nboundary = \"a-left\"\nx = 0.7233315396231124\nfactors = [0.526, -0.336, 0.721, 0.16, -0.101]\n\
+        [[traction]]\nboundary = \"a-top\"\ny = \"-5*x\"\nfactors = [0.351, 0.237, 0.521, 0.358, 0.022]\n";
+    let built = built(&case(text));
+    for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+        let mut steps = 0;
+        for solution in built.solve(&on_the_cpu(1e-6, stiffness)).or_panic() {
+            assert_eq!(solution.status, Status::Converged, "{:?}", solution.kkt);
+            steps += 1;
+        }
+        assert_eq!(steps, 5);
     }
 }
