@@ -7,9 +7,10 @@ use signorini::contact::Space;
 use signorini::elasticity::{Material, Plane, internal_forces};
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::mesh::{ElementKind, Mesh};
+use signorini::mesh::{Element, ElementKind, Mesh, Topology, facet_nodes};
 use signorini::model::{Axis, Cyclic, Model, Pair, Quantity, Support, Temperature, Traction};
 use signorini::ssnm::Status;
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
@@ -488,4 +489,274 @@ fn contact_goes_on_beyond_the_sides() {
             }
         }
     }
+}
+
+/// The mesh with one node where it has several, and without the facets that are between elements then.
+fn welded<const D: usize>(mesh: Mesh<D>) -> Mesh<D>
+where
+    ElementKind: Topology<D>,
+{
+    let same = |a: &[f64; D], b: &[f64; D]| apart(a, b) < 1e-9;
+    let nodes = &mesh.nodes;
+    let first = |node: u32| {
+        let x = &nodes[node as usize];
+        nodes.iter().position(|y| same(x, y)).expect("itself") as u32
+    };
+    let first: Vec<u32> = (0..nodes.len() as u32).map(first).collect();
+    let elements = mesh.elements.iter().map(|element| {
+        let nodes: Vec<u32> = (element.nodes().iter())
+            .map(|&n| first[n as usize])
+            .collect();
+        Element::new(element.kind(), &nodes, element.region)
+    });
+    let elements = elements.collect();
+    let mut boundaries = mesh.boundaries.clone();
+    boundaries.retain(|name, _| name.ends_with("inside") || name.ends_with("outside"));
+    for facet in boundaries.values_mut().flatten() {
+        (facet.as_mut().iter_mut()).for_each(|node| *node = first[*node as usize]);
+    }
+    Mesh::new(mesh.nodes, elements, mesh.regions, boundaries).expect("a ring")
+}
+
+/// Rings of the plane or of space in each other.
+trait Rings<const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    fn axis() -> Axis<D>;
+
+    /// A support that holds along the axis, too.
+    fn along(support: Support<D>) -> Support<D>;
+
+    /// Of these radii, between two angles, with as many cells out and around; of second order, too.
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh<D>;
+}
+
+/// Names of sides of a ring, from those of its unit square or cube.
+fn named<const D: usize>(mesh: &mut Mesh<D>, name: &str)
+where
+    ElementKind: Topology<D>,
+{
+    let sides = match D {
+        2 => ["left", "right", "bottom", "top"],
+        _ => ["left", "right", "front", "back"],
+    };
+    for (side, to) in sides.into_iter().zip(["inside", "outside", "start", "end"]) {
+        let facets = mesh
+            .boundaries
+            .remove(&format!("{name}-{side}"))
+            .expect("a side");
+        mesh.boundaries.insert(format!("{name}-{to}"), facets);
+    }
+}
+
+fn bent<const D: usize>(x: &mut [f64; D], radii: [f64; 2], angles: [f64; 2]) {
+    let r = radii[0] + (radii[1] - radii[0]) * x[0];
+    let angle = angles[0] + (angles[1] - angles[0]) * x[1];
+    [x[0], x[1]] = [r * angle.cos(), r * angle.sin()];
+}
+
+impl Rings<2> for ElementKind {
+    fn axis() -> Axis {
+        Axis::at([0.0; 2])
+    }
+
+    fn along(support: Support) -> Support {
+        support
+    }
+
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh {
+        let prefix = format!("{name}-");
+        let mut mesh = rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix);
+        if order == 2 {
+            mesh = mesh.raised().or_panic();
+        }
+        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
+        named(&mut mesh, name);
+        mesh
+    }
+}
+
+impl Rings<3> for ElementKind {
+    fn axis() -> Axis<3> {
+        Axis::new([0.0; 3], [0.0, 0.0, 1.0])
+    }
+
+    fn along(support: Support<3>) -> Support<3> {
+        support.axial(0.0)
+    }
+
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh<3> {
+        let prefix = format!("{name}-");
+        let cells = [cells[0], cells[1], 2];
+        let mut mesh = block(
+            [0.0; 3],
+            [1.0, 1.0, 0.3],
+            cells,
+            SolidShape::Hexahedron,
+            name,
+            &prefix,
+        );
+        if order == 2 {
+            mesh = mesh.raised().or_panic();
+        }
+        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
+        named(&mut mesh, name);
+        mesh
+    }
+}
+
+/// What a fit passes on: the normal force, the moment, the area, and the pressures in their order.
+fn passed_on<const D: usize>(found: &Answer<D>, sectors: f64) -> ([f64; 3], Vec<f64>)
+where
+    ElementKind: Space<D>,
+{
+    let mut sums = [0.0; 3];
+    let mut pressures = Vec::new();
+    for i in (0..found.m()).filter(|i| found.built.elastic.pair_of[*i] == 0) {
+        let (x, force) = (found.place(i), found.contact_force(i));
+        let all = [
+            found.solution.lambda[i],
+            x[0] * force[1] - x[1] * force[0],
+            found.area(i),
+        ];
+        (0..3).for_each(|k| sums[k] += sectors * all[k]);
+        pressures.push(found.pressure(i));
+    }
+    pressures.sort_by(f64::total_cmp);
+    (sums, pressures)
+}
+
+/// The kinds of a fit, and whether either side has the multipliers.
+fn fits<const D: usize>() -> Vec<(&'static str, Pair<D>)>
+where
+    ElementKind: Space<D>,
+{
+    let sides = [
+        ("shaft-outside", "hub-inside"),
+        ("hub-inside", "shaft-outside"),
+    ];
+    let mut all = Vec::new();
+    for (one, other) in sides {
+        let pressed = Pair::new(one, other).interference(0.02).coulomb(2.0);
+        let slides = Pair::new(one, other).interference(0.02);
+        let of_nodes = one.replace("outside", "nodes").replace("inside", "nodes");
+        let by_nodes = Pair::new(of_nodes, other).by_nodes();
+        let by_nodes = by_nodes.interference(0.02).coulomb(2.0);
+        all.push(("pressed", pressed.clone()));
+        all.push(("slides", slides));
+        all.push(("nodes", by_nodes));
+        all.push(("tied", Pair::tied(one, other)));
+    }
+    all
+}
+
+/// The sector of a hub may begin elsewhere than that of its shaft: the bodies, their forces and pressures are those of the whole rings.
+fn fits_of_turned_sectors<const D: usize>(orders: &[usize], offs: &[f64], cells: &[usize])
+where
+    ElementKind: Space<D> + Rings<D>,
+{
+    let (sectors, n) = (8_u32, 24);
+    let axis = <ElementKind as Rings<D>>::axis();
+    let bodies = |off: f64, parts: usize, hub: usize, order: usize| {
+        let angle = TAU / parts as f64;
+        let turn = off.to_radians();
+        let ring = <ElementKind as Rings<D>>::ring;
+        let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n / parts], order);
+        let hub = ring(
+            "hub",
+            [1.0, 1.6],
+            [turn, turn + angle],
+            [3, hub / parts],
+            order,
+        );
+        let mut both = match parts {
+            1 => join(welded(shaft), welded(hub)),
+            _ => join(shaft, hub),
+        };
+        for (side, set) in [
+            ("shaft-outside", "shaft-nodes"),
+            ("hub-inside", "hub-nodes"),
+        ] {
+            let facets = both.boundaries[side].iter().flat_map(facet_nodes);
+            let nodes: BTreeSet<u32> = facets.copied().collect();
+            both.node_sets
+                .insert(set.to_owned(), nodes.into_iter().collect());
+        }
+        both
+    };
+    let model = |mesh: Mesh<D>| {
+        Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(<ElementKind as Rings<D>>::along(
+                Support::on("hub-outside")
+                    .about(axis)
+                    .radial(0.0)
+                    .hoop(0.01),
+            ))
+    };
+    let model = |mesh: Mesh<D>, fit: &(&str, Pair<D>)| match fit {
+        ("tied", fit) => model(mesh).tie(fit.clone()),
+        (_, fit) => model(mesh).contact(fit.clone()),
+    };
+    for &order in orders {
+        for &hub in cells {
+            for fit in fits::<D>() {
+                for &off in offs {
+                    let mesh = bodies(off, 1, hub, order);
+                    let whole = answer(model(mesh, &fit), 1e-11, Stiffness::Cholesky);
+                    let whole = passed_on(&whole, 1.0);
+                    let side = |name: &str| {
+                        let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+                        Cyclic::between(low, high, axis, sectors)
+                    };
+                    let part = model(bodies(off, sectors as usize, hub, order), &fit);
+                    let part = part.cyclic(side("shaft")).cyclic(side("hub"));
+                    let found = answer(part, 1e-11, Stiffness::Cholesky);
+                    let (sums, pressures) = passed_on(&found, f64::from(sectors));
+                    let kind = fit.0;
+                    let about = format!("{kind} {order} {hub} {off}: {sums:?} {:?}", whole.0);
+                    for (a, b) in sums.iter().zip(whole.0) {
+                        assert!((a - b).abs() < 1e-6 * whole.0[2].max(b.abs()), "{about}");
+                    }
+                    assert_eq!(pressures.len() * sectors as usize, whole.1.len(), "{about}");
+                    let least = whole.0[1].abs() / whole.0[2];
+                    let most = whole.1.iter().fold(least, |most, p| most.max(p.abs()));
+                    for (p, of) in pressures.iter().zip(whole.1.chunks(sectors as usize)) {
+                        let off = of.iter().fold(0.0_f64, |off, q| off.max((p - q).abs()));
+                        assert!(off < 1e-5 * most, "{about} {pressures:?} {:?}", whole.1);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn fits_of_turned_sectors_in_the_plane() {
+    fits_of_turned_sectors::<2>(&[1, 2], &[0.0, 15.0, 40.0, 45.0, -100.0], &[24, 32]);
+}
+
+#[test]
+fn fits_of_turned_sectors_in_space() {
+    fits_of_turned_sectors::<3>(&[1], &[0.0, 40.0], &[32]);
 }
