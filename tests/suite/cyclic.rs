@@ -5,13 +5,19 @@ use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Material, Plane, internal_forces};
-use signorini::engine::Stiffness;
+use signorini::engine::{Engine, Stiffness};
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{Element, ElementKind, Mesh, Topology, facet_nodes};
-use signorini::model::{Axis, Cyclic, Model, Pair, Quantity, Support, Temperature, Traction};
+use signorini::model::{
+    Analysis, Axis, Cyclic, Model, Pair, Quantity, Support, Temperature, Traction,
+};
+use signorini::output::{Draw, Results, StepResults, shown_at_nodes};
+use signorini::quasistatic::StepSettings;
+use signorini::solve::Event;
 use signorini::ssnm::Status;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e11;
@@ -726,7 +732,11 @@ where
                     let whole = answer(model(mesh, &fit), 1e-9, Stiffness::Cholesky);
                     let whole = passed_on(&whole, 1.0);
                     let side = |name: &str| {
-                        let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+                        let mut sides = ["start", "end"].map(|side| format!("{name}-{side}"));
+                        if off == 40.0 && name == "hub" {
+                            sides.reverse();
+                        }
+                        let [low, high] = sides;
                         Cyclic::between(low, high, axis, sectors)
                     };
                     let part = model(bodies(off, sectors as usize, hub, order), &fit);
@@ -765,4 +775,276 @@ fn fits_of_turned_sectors_in_the_plane() {
 #[test]
 fn fits_of_turned_sectors_in_space() {
     fits_of_turned_sectors::<3>(&[1], &[0.0, 40.0], &[32]);
+}
+
+/// A shaft turns in its hub by more than a sector, with and without friction: in each load step the normal force, the moment, the area
+/// and the pressures are those of the whole rings.
+#[test]
+fn a_shaft_turns_in_its_hub() {
+    let axis = Axis::at([0.0; 2]);
+    let ring = <ElementKind as Rings<2>>::ring;
+    let bodies = |parts: usize, off: f64| {
+        let [shaft, hub] =
+            [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
+                let angles = [start, start + TAU / parts as f64];
+                ring(name, radii, angles, [2, 24 / parts], 1)
+            });
+        match parts {
+            1 => join(welded(shaft), welded(hub)),
+            _ => join(shaft, hub),
+        }
+    };
+    // Friction below 0: a tie.
+    let turned = |parts: usize, angle: f64, off: f64, friction: f64, sides: [&str; 2]| {
+        let model = Model::on(bodies(parts, off))
+            .large_displacements()
+            .material(Material::new(1e3, 0.3))
+            .support(
+                Support::on("shaft-inside")
+                    .turned(axis, angle)
+                    .factors([0.0, 0.5, 1.0]),
+            )
+            .support(Support::on("hub-outside").fixed())
+            .steps([1.0, 1.0, 1.0]);
+        let model = match friction {
+            ..0.0 => model.tie(Pair::tied(sides[0], sides[1])),
+            _ => model.contact(
+                Pair::new(sides[0], sides[1])
+                    .interference(0.01)
+                    .coulomb(friction),
+            ),
+        };
+        let model = ["shaft", "hub"].iter().fold(model, |model, name| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            match parts {
+                1 => model,
+                _ => model.cyclic(Cyclic::between(low, high, axis, parts as u32)),
+            }
+        });
+        let built = model.build().or_panic();
+        let mut engine = Engine::new(&built.problem, Default::default(), |_| {}).or_panic();
+        let mut settings = StepSettings::default();
+        settings.ssnm.tolerance = 1e-9;
+        let mut ends = Vec::new();
+        let solved = Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
+            if let Event::Ends(step) = event {
+                let there = step.displaced.as_deref().unwrap_or(&built);
+                let lambda = &step.solution.lambda;
+                let (mut sums, mut pressures) = ([0.0; 3], Vec::new());
+                let places = there.elastic.contact.places.iter().enumerate();
+                for (i, place) in places.filter(|(i, _)| there.elastic.pair_of[*i] == 0) {
+                    let [normal, tangent] = place.frame;
+                    let rubs = lambda[there.problem.m() + i];
+                    let force = [0, 1].map(|c| -lambda[i] * normal[c] - rubs * tangent[c]);
+                    let x = place.place;
+                    let all = [lambda[i], x[0] * force[1] - x[1] * force[0], place.area];
+                    (0..3).for_each(|k| sums[k] += parts as f64 * all[k]);
+                    pressures.push(lambda[i] / place.area);
+                }
+                pressures.sort_by(f64::total_cmp);
+                ends.push((step.solution.status, sums, pressures));
+            }
+            ControlFlow::Continue(())
+        });
+        solved.or_panic();
+        ends
+    };
+    for (parts, angle, off, friction) in [
+        (8, 100.0, 0.0, 0.0),
+        (8, 22.5, 1.1, 0.0),
+        (4, 37.0, -2.0, 0.3),
+        (2, 185.0, 0.4, 0.0),
+        (6, 3.0, 0.8, -1.0),
+    ] {
+        for sides in [
+            ["shaft-outside", "hub-inside"],
+            ["hub-inside", "shaft-outside"],
+        ] {
+            let turned = |parts: usize| turned(parts, angle, off, friction, sides);
+            let [whole, part] = [turned(1), turned(parts)];
+            for (step, (a, b)) in part.iter().zip(&whole).enumerate() {
+                let about =
+                    format!("{parts} {angle} {off} {friction} {sides:?} {step}: {a:?} {b:?}");
+                assert_eq!(
+                    (a.0, b.0),
+                    (Status::Converged, Status::Converged),
+                    "{about}"
+                );
+                let most = b.1.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
+                for (x, y) in a.1.iter().zip(&b.1) {
+                    assert!((x - y).abs() < 1e-5 * most, "{about}");
+                }
+                assert_eq!(parts * a.2.len(), b.2.len(), "{about}");
+                for (p, all) in a.2.iter().zip(b.2.chunks(parts)) {
+                    let off = all.iter().fold(0.0_f64, |off, q| off.max((p - q).abs()));
+                    assert!(off < 1e-5 * most, "{about}");
+                }
+            }
+        }
+    }
+}
+
+/// Files and pictures show places whose nodes are in other sectors, of one sector and of all. Both nodes that are one show their place.
+#[test]
+fn results_show_places_of_other_sectors() {
+    shows_turned_sectors::<2>();
+    shows_turned_sectors::<3>();
+}
+
+fn shows_turned_sectors<const D: usize>()
+where
+    ElementKind: Space<D> + Rings<D> + Draw<D>,
+{
+    let axis = <ElementKind as Rings<D>>::axis();
+    let ring = |name: &str, radii, start: f64| {
+        <ElementKind as Rings<D>>::ring(name, radii, [start, start + TAU / 8.0], [2, 3], 1)
+    };
+    for is_whole in [false, true] {
+        let mesh = join(ring("shaft", [0.4, 1.0], 0.0), ring("hub", [1.0, 1.6], 2.0));
+        let side = |name: &str| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            Cyclic::between(low, high, axis, 8)
+        };
+        let shaft = if is_whole {
+            side("shaft").whole()
+        } else {
+            side("shaft")
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(Support::on("hub-outside").fixed())
+            .contact(
+                Pair::new("shaft-outside", "hub-inside")
+                    .interference(0.01)
+                    .coulomb(0.2),
+            )
+            .cyclic(shaft)
+            .cyclic(side("hub"));
+        let built = model.build().or_panic();
+        let analysis = Analysis::from(&built);
+        let directory = tempfile::tempdir().or_panic();
+        let mut results = Results::new(directory.path(), "Turned", analysis).or_panic();
+        results.draw();
+        let mut engine = Engine::new(&built.problem, Default::default(), |_| {}).or_panic();
+        let solved = analysis.solve_on(&mut engine, &StepSettings::default(), |event| {
+            if let Event::Ends(step) = event {
+                let of = StepResults::new(analysis, &step);
+                let bodies = of.of_bodies.as_ref().expect("bodies");
+                let shown = shown_at_nodes(bodies.elastic, &bodies.contact, Some(0));
+                let facets = bodies.elastic.mesh.boundaries["shaft-outside"].iter();
+                for node in facets.flat_map(facet_nodes) {
+                    assert!(shown.contains_key(node), "{node}");
+                }
+                results.add(&step).or_panic();
+            }
+            ControlFlow::Continue(())
+        });
+        solved.or_panic();
+        results.finish().or_panic();
+    }
+}
+
+/// An interference that is a function of the place in the drawn sector is that of the places of other sectors, turned back.
+#[test]
+fn stated_fields_repeat_themselves() {
+    let (sectors, axis) = (8_u32, Axis::at([0.0; 2]));
+    let sector = TAU / f64::from(sectors);
+    let overlap = Quantity::from(move |x: [f64; 2]| {
+        let angle = x[1].atan2(x[0]).rem_euclid(sector);
+        0.01 + 0.01 * angle
+    });
+    let ring = <ElementKind as Rings<2>>::ring;
+    let model = |whole: bool, sides: [&str; 2], off: f64| {
+        let (angle, n) = if whole { (TAU, 24) } else { (sector, 3) };
+        let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n], 1);
+        let hub = ring("hub", [1.0, 1.6], [off, off + angle], [3, n], 1);
+        let mesh = match whole {
+            true => join(welded(shaft), welded(hub)),
+            false => join(shaft, hub),
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(Support::on("hub-outside").fixed())
+            .contact(Pair::new(sides[0], sides[1]).interference(overlap.clone()));
+        match whole {
+            true => model,
+            false => (model.cyclic(Cyclic::between("shaft-start", "shaft-end", axis, sectors)))
+                .cyclic(Cyclic::between("hub-start", "hub-end", axis, sectors)),
+        }
+    };
+    for sides in [
+        ["shaft-outside", "hub-inside"],
+        ["hub-inside", "shaft-outside"],
+    ] {
+        for off in [0.0, 0.2, -sector] {
+            let [whole, part] = [true, false].map(|is_whole| {
+                let found = answer(model(is_whole, sides, off), 1e-9, Stiffness::Cholesky);
+                passed_on(&found, if is_whole { 1.0 } else { f64::from(sectors) })
+            });
+            for (a, b) in part.0.iter().zip(whole.0) {
+                assert!(
+                    (a - b).abs() < 1e-6 * whole.0[0],
+                    "{sides:?} {off}: {part:?} {whole:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Stones of an arch all around a ring press each other as it is loaded from outside: each meets the next one beyond the side of its sector.
+#[test]
+fn stones_meet_those_of_the_next_sector() {
+    let (sectors, axis) = (6_u32, Axis::at([0.0; 2]));
+    let angle = TAU / f64::from(sectors);
+    let ring = <ElementKind as Rings<2>>::ring;
+    let core = |angle: f64, n: usize| ring("core", [0.5, 0.8], [0.0, angle], [2, n], 1);
+    let stone = |k: u32| {
+        let (name, start) = (format!("stone{k}"), (0.25 + f64::from(k)) * angle);
+        ring(&name, [0.8, 1.4], [start, start + angle], [4, 4], 1)
+    };
+    let model = |count: u32| {
+        let core = if count == 1 {
+            core(angle, 4)
+        } else {
+            welded(core(TAU, 24))
+        };
+        let mesh = (0..count).fold(core, |mesh, k| join(mesh, stone(k)));
+        let mut model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("core-inside").fixed());
+        for k in 0..count {
+            let next = (k + 1) % count;
+            model = model
+                .traction(Traction::on(format!("stone{k}-outside")).pressure(1.0))
+                .contact(Pair::new(
+                    format!("stone{k}-end"),
+                    format!("stone{next}-start"),
+                ))
+                .contact(Pair::new(format!("stone{k}-inside"), "core-outside").coulomb(0.3));
+        }
+        match count {
+            1 => model.cyclic(Cyclic::between("core-start", "core-end", axis, sectors)),
+            _ => model,
+        }
+    };
+    let normal_forces = |found: &Answer<2>| {
+        let mut sums = [0.0; 2];
+        for i in 0..found.m() {
+            let pair = found.built.elastic.pair_of[i] as usize;
+            if found.built.elastic.pairs[pair].kind == signorini::model::EntityKind::Contact {
+                sums[pair % 2] += found.solution.lambda[i];
+            }
+        }
+        sums
+    };
+    let [part, whole] = [1, sectors].map(|count| {
+        let found = answer(model(count), 1e-9, Stiffness::Cholesky);
+        normal_forces(&found).map(|sum| sum / f64::from(count))
+    });
+    assert!(whole.iter().all(|sum| *sum > 0.1), "{whole:?}");
+    for (a, b) in part.iter().zip(whole) {
+        assert!((a - b).abs() < 1e-6 * b, "{part:?} {whole:?}");
+    }
 }
