@@ -388,6 +388,18 @@ fn sectors_that_do_not_close_are_refused() {
     assert!(refused.contains("only 60 % of \"bottom\""), "{refused}");
 
     let axis = Axis::at([0.0, 0.0]);
+    // A shaft of nine sectors in a hub of seven.
+    let mut shaft = sector(9.0, [4, 3], 0.0);
+    shaft.nodes.iter_mut().for_each(|x| *x = x.map(|x| 0.5 * x));
+    shaft.rename(|_| "shaft".to_owned(), |name| format!("shaft-{name}"));
+    let both = model(join(shaft, sector(7.0, [4, 3], 0.0)))
+        .contact(Pair::new("shaft-right", "left"))
+        .cyclic(Cyclic::between("shaft-bottom", "shaft-top", axis, 9))
+        .cyclic(Cyclic::between("bottom", "top", axis, 7));
+    let refused = both.build().expect_err("they do not fit").to_string();
+    let text = "its sides belong to sectors of different numbers or about different axes";
+    assert!(refused.contains(text), "{refused}");
+
     for (sectors, low, text) in [
         (
             9,
@@ -676,11 +688,15 @@ where
 }
 
 /// The sector of a hub may begin elsewhere than that of its shaft: the bodies, their forces and pressures are those of the whole rings.
-fn fits_of_turned_sectors<const D: usize>(orders: &[usize], offs: &[f64], cells: &[usize])
-where
+fn fits_of_turned_sectors<const D: usize>(
+    sectors: u32,
+    orders: &[usize],
+    offs: &[f64],
+    cells: &[usize],
+) where
     ElementKind: Space<D> + Rings<D>,
 {
-    let (sectors, n) = (8_u32, 24);
+    let n = 24;
     let axis = <ElementKind as Rings<D>>::axis();
     let bodies = |off: f64, parts: usize, hub: usize, order: usize| {
         let angle = TAU / parts as f64;
@@ -746,7 +762,10 @@ where
                     let kind = fit.0;
                     // Facets of second order at the sides that supports hold are tied by their corners.
                     let same = if order == 1 { 1e-6 } else { 3e-3 };
-                    let about = format!("{kind} {order} {hub} {off}: {sums:?} {:?}", whole.0);
+                    let about = format!(
+                        "{kind} {sectors} {order} {hub} {off}: {sums:?} {:?}",
+                        whole.0
+                    );
                     for (a, b) in sums.iter().zip(whole.0) {
                         assert!((a - b).abs() < same * whole.0[2].max(b.abs()), "{about}");
                     }
@@ -769,12 +788,66 @@ where
 
 #[test]
 fn fits_of_turned_sectors_in_the_plane() {
-    fits_of_turned_sectors::<2>(&[1, 2], &[0.0, 15.0, 40.0, 45.0, -100.0], &[24, 32]);
+    fits_of_turned_sectors::<2>(8, &[1, 2], &[0.0, 40.0, -105.0], &[24, 32]);
+    fits_of_turned_sectors::<2>(2, &[1, 2], &[0.0, 130.0], &[32]);
+    fits_of_turned_sectors::<2>(3, &[1], &[0.0, 190.0], &[24]);
+}
+
+/// Where the meshes of the sides of sectors do not match, a fit passes on nearly as much, with friction and tied.
+#[test]
+fn fits_of_sectors_whose_sides_do_not_match() {
+    let axis = <ElementKind as Rings<3>>::axis();
+    let ring = <ElementKind as Rings<3>>::ring;
+    let passed = |off: f64, uneven: f64, fit: &(&str, Pair<3>)| {
+        let [shaft, hub] =
+            [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
+                let mut mesh = ring(name, radii, [start, start + TAU / 8.0], [3, 4], 1);
+                for x in &mut mesh.nodes {
+                    let t = (x[1].atan2(x[0]) - start) / (TAU / 8.0);
+                    x[2] += uneven * t * x[2] * (0.3 - x[2]);
+                }
+                mesh
+            });
+        let side = |name: &str| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            Cyclic::between(low, high, axis, 8)
+        };
+        let model = Model::on(join(shaft, hub))
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(
+                Support::on("hub-outside")
+                    .about(axis)
+                    .radial(0.0)
+                    .hoop(0.01)
+                    .axial(0.0),
+            )
+            .cyclic(side("shaft"))
+            .cyclic(side("hub"));
+        let model = match fit {
+            ("tied", fit) => model.tie(fit.clone()),
+            (_, fit) => model.contact(fit.clone()),
+        };
+        passed_on(&answer(model, 1e-9, Stiffness::Cholesky), 8.0).0
+    };
+    for fit in fits::<3>().iter().filter(|fit| fit.0 != "nodes") {
+        for off in [0.0, 0.4] {
+            let [even, uneven] = [0.0, 1.5].map(|uneven| passed(off, uneven, fit));
+            let most = even.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+            for (a, b) in even.iter().zip(uneven) {
+                assert!(
+                    (a - b).abs() < 0.01 * most,
+                    "{} {off}: {even:?} {uneven:?}",
+                    fit.0
+                );
+            }
+        }
+    }
 }
 
 #[test]
 fn fits_of_turned_sectors_in_space() {
-    fits_of_turned_sectors::<3>(&[1], &[0.0, 40.0], &[32]);
+    fits_of_turned_sectors::<3>(8, &[1], &[0.0, 40.0], &[32]);
 }
 
 /// A shaft turns in its hub by more than a sector, with and without friction: in each load step the normal force, the moment, the area
@@ -1022,29 +1095,24 @@ fn stones_meet_those_of_the_next_sector() {
                     format!("stone{k}-end"),
                     format!("stone{next}-start"),
                 ))
-                .contact(Pair::new(format!("stone{k}-inside"), "core-outside").coulomb(0.3));
+                .tie(Pair::tied(format!("stone{k}-inside"), "core-outside"));
         }
         match count {
             1 => model.cyclic(Cyclic::between("core-start", "core-end", axis, sectors)),
             _ => model,
         }
     };
-    let normal_forces = |found: &Answer<2>| {
-        let mut sums = [0.0; 2];
-        for i in 0..found.m() {
-            let pair = found.built.elastic.pair_of[i] as usize;
-            if found.built.elastic.pairs[pair].kind == signorini::model::EntityKind::Contact {
-                sums[pair % 2] += found.solution.lambda[i];
-            }
-        }
-        sums
+    let [part, whole] = [1, sectors].map(|count| answer(model(count), 1e-10, Stiffness::Cholesky));
+    is_a_part(&part, &whole);
+    // Forces of corners where two stones and the ring meet are shared in any way.
+    let pressing = |found: &Answer<2>, count: u32| -> f64 {
+        let is_counted = |i: &usize| {
+            let x = found.place(*i);
+            found.built.elastic.pair_of[*i] < count && x[0].hypot(x[1]) > 0.81
+        };
+        let places = (0..found.m()).filter(is_counted);
+        places.map(|i| found.solution.lambda[i]).sum::<f64>() / f64::from(count)
     };
-    let [part, whole] = [1, sectors].map(|count| {
-        let found = answer(model(count), 1e-9, Stiffness::Cholesky);
-        normal_forces(&found).map(|sum| sum / f64::from(count))
-    });
-    assert!(whole.iter().all(|sum| *sum > 0.1), "{whole:?}");
-    for (a, b) in part.iter().zip(whole) {
-        assert!((a - b).abs() < 1e-6 * b, "{part:?} {whole:?}");
-    }
+    let [a, b] = [pressing(&part, 1), pressing(&whole, sectors)];
+    assert!(b > 0.3 && (a - b).abs() < 1e-7 * b, "{a} {b}");
 }
