@@ -64,13 +64,9 @@ impl<const D: usize> Sectors<D> {
 
     /// States that a turn by one sector, one way or the other, takes the second node to the first.
     pub(crate) fn join(&mut self, one: u32, other: u32, turn: &[[f64; D]; D]) {
-        let off = |k: usize| -> f64 {
-            let rows = turn.iter().zip(&self.turns[k].0);
-            rows.map(|(a, b)| length(minus(*a, *b))).sum()
-        };
-        let (end, start) = match off(1) <= off(self.count as usize - 1) {
-            true => (one, other),
-            false => (other, one),
+        let (end, start) = match self.steps(turn) {
+            Some(1) => (one, other),
+            _ => (other, one),
         };
         self.start_of.insert(end, start);
         self.end_of.insert(start, end);
@@ -101,6 +97,15 @@ impl<const D: usize> Sectors<D> {
             size += length(arm);
         }
         length(sum) < 0.3 * size
+    }
+
+    /// By how many sectors a turn takes vectors, one or the other way by one.
+    fn steps(&self, turn: &[[f64; D]; D]) -> Option<u32> {
+        let is_same = |k: &u32| {
+            let mut rows = turn.iter().zip(&self.turns[*k as usize].0);
+            rows.all(|(a, b)| length(minus(*a, *b)) < 1e-9)
+        };
+        [1, self.count - 1].into_iter().find(is_same)
     }
 
     /// The node of the first sector that an image is of, and by how many sectors it is turned.
@@ -269,25 +274,23 @@ where
         body: &Body<D>,
         [facets, others]: [&[Facet<D>]; 2],
         distance: f64,
-        rest: Option<&Mesh<D>>,
+        (seams, rest): (Option<&Seams<D>>, Option<&Mesh<D>>),
     ) -> Self {
         let count = sectors.count;
-        // The facets that matter of both sectors beside the first.
-        let beside = |sides: &HashMap<u32, u32>| -> Vec<usize> {
-            let mut near: BTreeSet<u32> = sides.keys().copied().collect();
-            let mut found = BTreeSet::new();
-            for _ in 0..LAYERS {
-                let is_near = |k: &usize| facet_nodes(&facets[*k]).iter().any(|n| near.contains(n));
-                found.extend((0..facets.len()).filter(is_near));
-                let nodes = found.iter().flat_map(|&k| facet_nodes(&facets[k]));
-                near.extend(nodes);
-            }
-            found.into_iter().collect()
-        };
+        // The facets near the sides, which matter of both sectors beside the first.
+        let mut near: BTreeSet<u32> = seams
+            .iter()
+            .flat_map(|seams| seams.keys().copied())
+            .collect();
+        let mut beside = BTreeSet::new();
+        for _ in 0..LAYERS {
+            let is_near = |k: &usize| facet_nodes(&facets[*k]).iter().any(|n| near.contains(n));
+            beside.extend((0..facets.len()).filter(is_near));
+            near.extend(beside.iter().flat_map(|&k| facet_nodes(&facets[k])));
+        }
         let mut of_facets: BTreeSet<(usize, usize)> = (0..facets.len()).map(|k| (0, k)).collect();
-        of_facets.extend(beside(&sectors.end_of).into_iter().map(|k| (1, k)));
         let last = count as usize - 1;
-        of_facets.extend(beside(&sectors.start_of).into_iter().map(|k| (last, k)));
+        of_facets.extend(beside.into_iter().flat_map(|k| [(1, k), (last, k)]));
         let of_facets: Vec<(usize, usize)> = of_facets.into_iter().collect();
 
         let place =
@@ -395,17 +398,21 @@ where
         Some(all)
     }
 
-    /// Where boundaries go on beyond sides of sectors that have no nodes in common.
+    /// Where boundaries go on beyond sides of sectors that have no nodes in common: at nodes of the sector beside, if that is there.
     pub fn seams(&self, options: &PairOptions<D>) -> Option<Seams<D>> {
-        let seams = options.seams?;
+        let (seams, sectors) = (options.seams?, self.sectors);
         let mut all = Seams::new();
-        for numbers in self.numbers.values() {
-            let apart = seams
-                .iter()
-                .filter(|(node, _)| self.sectors.twin(**node).is_none());
+        for (&sector, numbers) in &self.numbers {
+            let apart = seams.iter().filter(|seam| sectors.twin(*seam.0).is_none());
             for (&node, beyond) in apart {
-                let beyond = beyond.iter();
-                let beyond = beyond.map(|&(other, w, turn)| (numbers[other as usize], w, turn));
+                let beyond = beyond.iter().map(|&(other, weight, turn)| {
+                    let beside = (sectors.steps(&turn).filter(|_| other != node))
+                        .and_then(|k| self.numbers.get(&((sector + k) % sectors.count)));
+                    match beside {
+                        Some(beside) => (beside[other as usize], weight, sectors.turns[0].0),
+                        None => (numbers[other as usize], weight, turn),
+                    }
+                });
                 all.insert(numbers[node as usize], beyond.collect());
             }
         }
@@ -482,7 +489,13 @@ where
     ElementKind: Topology<D>,
 {
     let distance = options.distance_between(body, sides[0], sides[1]);
-    let around = Around::new(sectors, body, sides, distance, options.rest);
+    let around = Around::new(
+        sectors,
+        body,
+        sides,
+        distance,
+        (options.seams, options.rest),
+    );
     let [symmetry, held] = [options.symmetry, options.held].map(|of| around.vectors(of));
     let (seams, of_facets) = (around.seams(options), around.sectors_of_facets());
     let walls = around.walls(options.walls, sides[0].len());

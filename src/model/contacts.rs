@@ -268,8 +268,8 @@ where
 /// Unit vectors that belong to nodes.
 pub(super) type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
-/// The bodies at the sides of sectors, and their turns.
-type Rings<const D: usize> = Vec<(HashSet<u32>, Arc<Sectors<D>>)>;
+/// The bodies at the sides of sectors, those of them whose sides do not match, and their turns.
+type Rings<const D: usize> = Vec<([HashSet<u32>; 2], Arc<Sectors<D>>)>;
 
 /// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
@@ -305,7 +305,8 @@ where
         sides: [&[Facet<D>]; 2],
     ) -> Result<Option<&Arc<Sectors<D>>>, Fault> {
         let bodies = sides.map(|facets| bodies_of(&self.body_of, facets));
-        let is_at = |ring: &&(HashSet<u32>, _)| bodies.iter().any(|of| !of.is_disjoint(&ring.0));
+        let is_at =
+            |ring: &&([HashSet<u32>; 2], _)| bodies.iter().any(|of| !of.is_disjoint(&ring.0[0]));
         let at_sides: Vec<_> = self.rings.iter().filter(is_at).collect();
         let (bodies, sectors) = match (&at_sides[..], &self.rings[..]) {
             ([ring], _) => *ring,
@@ -321,11 +322,33 @@ where
         };
         let is_around = |facets: &[Facet<D>]| {
             let nodes = facets.iter().flat_map(facet_nodes);
-            let nodes = nodes.filter(|node| !bodies.contains(&self.body_of[**node as usize]));
+            let nodes = nodes.filter(|node| !bodies[0].contains(&self.body_of[**node as usize]));
             let mut places = nodes.map(|node| mesh.nodes[*node as usize]).peekable();
             places.peek().is_some() && sectors.surrounded(places)
         };
         Ok((!sides.into_iter().any(is_around)).then_some(sectors))
+    }
+}
+
+impl<const D: usize> Sliding<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Whether the places of a tie go on beyond sides of sectors that do not match.
+    fn ends_apart(&self, sides: [&[Facet<D>]; 2], places: &[ContactPlace<D>]) -> bool {
+        /// Rounding, or sides that differ a little.
+        const LITTLE: f64 = 1e-2;
+        let is_apart = |facets: &[Facet<D>]| {
+            let bodies = bodies_of(&self.body_of, facets);
+            let mut rings = self.rings.iter();
+            rings.any(|ring| !bodies.is_disjoint(&ring.0[1]))
+        };
+        let beyond = |place: &ContactPlace<D>| -> f64 {
+            let all = place.sides(0).into_iter().flatten();
+            let images = all.filter(|entry| place.node_of(entry.0) != entry.0);
+            images.map(|entry| entry.1.abs()).fold(0.0, f64::max)
+        };
+        sides.into_iter().any(is_apart) && places.iter().any(|place| beyond(place) > LITTLE)
     }
 }
 
@@ -627,6 +650,13 @@ where
             }
             error => Fault::Contact(error),
         })?;
+        if self.is_tie() && sliding.ends_apart([&data.facets, &data.others], &found) {
+            return Err(Fault::Stated(
+                "it goes on beyond the sides of sectors whose meshes do not match there, which would be tied too firmly: mesh both sides of a \
+                 sector alike where they meet the tie, or draw the sectors of both bodies between the same half-planes"
+                    .to_owned(),
+            ));
+        }
         Ok((found, data))
     }
 }
@@ -803,8 +833,10 @@ where
             let found = cyclic.repeat(mesh, &nodes, body_of, &mut seams, &mut repeated);
             found.map_err(|fault| cyclic.entity(i).error(fault))?;
         }
-        let rings = repeated.into_iter();
-        let rings = rings.map(|ring| (ring.bodies, Arc::new(ring.sectors)));
+        let rings = repeated.into_iter().map(|ring| {
+            let sectors = Arc::new(ring.sectors);
+            ([ring.bodies, ring.unmatched], sectors)
+        });
         Ok((seams, rings.collect()))
     }
 

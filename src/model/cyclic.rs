@@ -47,6 +47,8 @@ pub(super) struct Repeated<const D: usize> {
     pub sectors: Sectors<D>,
     /// Those at the sides of the sector.
     pub bodies: HashSet<u32>,
+    /// Those whose sides do not match where they have contacts.
+    pub unmatched: HashSet<u32>,
 }
 
 /// A node of the high side of a sector, that of the low side which the turn takes to it, and the turn.
@@ -210,6 +212,7 @@ where
                     axis: self.axis,
                     sectors: self.sectors(mesh)?,
                     bodies: HashSet::new(),
+                    unmatched: HashSet::new(),
                 });
                 repeated.len() - 1
             }
@@ -218,22 +221,26 @@ where
         let on_sides = sides.iter().flatten().map(|facet| facet_nodes(facet)[0]);
         let bodies = on_sides.map(|node| body_of[node as usize]);
         repeated[at].bodies.extend(bodies);
-        for (high, low, turn) in self.seams(mesh, nodes, body_of, seams)? {
+        // Where some do not match, all places are halves.
+        let (matched, unmatched) = self.seams(mesh, nodes, body_of, seams)?;
+        let is_whole = |one: &Matched<D>| !unmatched.contains(&body_of[one.0 as usize]);
+        for (high, low, turn) in matched.into_iter().filter(is_whole) {
             repeated[at].sectors.join(high, low, &turn);
         }
+        repeated[at].unmatched.extend(unmatched);
         Ok(())
     }
 
     /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes of the
     /// same body at the other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself. Returns
-    /// the nodes of the high side that are where turned ones of the low side are, with these and the turn.
+    /// the nodes of the high side that are where turned ones of the low side are, with these and the turn, and the bodies that have others.
     fn seams(
         &self,
         mesh: &Mesh<D>,
         nodes: &HashSet<u32>,
         body_of: &[u32],
         seams: &mut Seams<D>,
-    ) -> Result<Vec<Matched<D>>, Fault> {
+    ) -> Result<(Vec<Matched<D>>, HashSet<u32>), Fault> {
         /// The distance at which two nodes count as one, in the largest facet.
         const ONE: f64 = 1e-6;
         let (sides, angle) = self.sides(mesh)?;
@@ -256,7 +263,7 @@ where
             (&on_sides[0], &on_sides[1], angle),
             (&on_sides[1], &on_sides[0], -angle),
         ];
-        let mut matched = Vec::new();
+        let (mut matched, mut unmatched) = (Vec::new(), HashSet::new());
         for (here, there, angle) in ways {
             for &node in here {
                 let x = self.axis.turned(mesh.nodes[node as usize], angle);
@@ -266,13 +273,15 @@ where
                     .filter(|other| other.0 <= size)
                     .collect();
                 near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-                let same = near
-                    .first()
-                    .filter(|other| other.0 <= ONE * size && other.1 != node);
-                if let Some((_, other)) = same
-                    && std::ptr::eq(here, &on_sides[1])
-                {
-                    matched.push((node, *other, turn(-angle)));
+                match near[..] {
+                    [(off, other), ..] if off <= ONE * size => {
+                        if other != node && std::ptr::eq(here, &on_sides[1]) {
+                            matched.push((node, other, turn(-angle)));
+                        }
+                    }
+                    _ => {
+                        unmatched.insert(body_of[node as usize]);
+                    }
                 }
                 let beyond = match near[..] {
                     [(off, other), ..] if off <= ONE * size && other == node => {
@@ -294,7 +303,7 @@ where
                 seams.insert(node, beyond);
             }
         }
-        Ok(matched)
+        Ok((matched, unmatched))
     }
 
     /// The places of `high` tied to `low` after a turn by an angle.
