@@ -11,6 +11,7 @@ mod nodes;
 mod obstacle;
 mod rows;
 mod search;
+mod sectors;
 #[cfg(test)]
 mod tests;
 mod transformed;
@@ -27,12 +28,14 @@ pub(crate) use rows::pooled;
 pub(crate) use rows::rows_of;
 pub(crate) use rows::turned;
 pub use rows::{ContactRows, contact_rows};
+pub use sectors::Sectors;
 
 use crate::elasticity::{Body, Field};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, bounds, facet_nodes};
 use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A friction law on a contact boundary.
 #[derive(Clone, Copy)]
@@ -127,6 +130,10 @@ where
     pub walls: &'a [Wall<D>],
     /// Of a boundary that meets itself.
     pub itself: Option<Itself<'a>>,
+    /// Of bodies that repeat themselves about an axis: contact goes on beyond the sides of their sectors.
+    pub sectors: Option<&'a Arc<Sectors<D>>>,
+    /// Those, and the sector of each facet, where facets of several sectors are there.
+    pub around: Option<(&'a Sectors<D>, &'a [usize])>,
 }
 
 impl<const D: usize> Default for PairOptions<'_, D>
@@ -152,6 +159,8 @@ where
             rest: None,
             walls: &[],
             itself: None,
+            sectors: None,
+            around: None,
         }
     }
 }
@@ -171,6 +180,11 @@ where
         let gap = self.gap.map_or(distance, |gap| gap(x));
         let counts = gap.abs() <= rounding.max(self.adjust) || self.touching && gap < 0.0;
         (if counts { 0.0 } else { gap }) + self.offset
+    }
+
+    /// The place in the first sector of one on a facet, for fields.
+    fn home(&self, facet: usize, x: [f64; D]) -> [f64; D] {
+        (self.around).map_or(x, |(sectors, of_facets)| sectors.home(x, of_facets[facet]))
     }
 
     /// The compliance of a place, normal and along its tangents: 1/(k a).
@@ -280,6 +294,8 @@ pub struct ContactPlace<const D: usize = 2> {
     /// Further nodes in the row along each direction of the frame, of couplings, sectors and obstacles that move. Each
     /// has the vector that its displacement is multiplied by there; otherwise empty.
     pub further: Vec<Vec<(u32, [f64; D])>>,
+    /// Where its nodes and partners may be images of those of one sector ([`Sectors`]), whose numbers are above those of the mesh.
+    pub sectors: Option<Arc<Sectors<D>>>,
     /// Orthonormal directions, one a row: ν towards the obstacle or the other body, then the tangents, as [`frame`]
     /// makes them. Nodes that move alike have the axes along which they do, springs their direction, and zeros for the
     /// others.
@@ -308,21 +324,30 @@ impl<const D: usize> ContactPlace<D> {
         }
     }
 
-    /// The nodes in the row along direction `a` of its frame, each with the vector that its displacement is multiplied by.
+    /// The nodes of the mesh in the row along direction `a` of its frame, each with the vector that its displacement is multiplied by.
     pub fn terms(&self, a: usize) -> impl Iterator<Item = (u32, [f64; D])> {
         let (way, sides) = (self.frame[a], self.sides(a));
         let further = self.further.get(a).into_iter().flatten().copied();
         (sides.into_iter().zip([1.0, -1.0]))
             .flat_map(move |(side, sign)| {
-                side.iter()
-                    .map(move |&(node, weight)| (node, way.map(|v| sign * weight * v)))
+                side.iter().map(move |&(node, weight)| {
+                    let way = way.map(|v| sign * weight * v);
+                    (self.node_of(node), self.back(node, way))
+                })
             })
             .chain(further)
     }
 
-    /// The mean over its own nodes: of their places, displacements and so on.
+    /// The mean over its own nodes of displacements or other vectors of the mesh.
     pub fn mean(&self, of: impl Fn(u32) -> [f64; D]) -> [f64; D] {
-        mean(&self.own, of)
+        mean(&self.own, |node| {
+            self.turned_to(node, of(self.node_of(node)))
+        })
+    }
+
+    /// The mean of its own nodes, where nodes of the mesh are at these places.
+    pub(crate) fn mean_place(&self, nodes: &[[f64; D]]) -> [f64; D] {
+        mean(&self.own, |node| self.place_of(node, nodes))
     }
 }
 

@@ -42,6 +42,7 @@ where
                 partners: vec![(first, 1.0)],
                 directed: Vec::new(),
                 further: Vec::new(),
+                sectors: None,
                 frame,
                 gap: 0.0,
                 area: if area > 0.0 { area } else { 1.0 },

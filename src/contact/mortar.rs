@@ -50,6 +50,7 @@ mod segments;
 mod surface;
 
 use super::search::{Bounds, Search};
+use super::sectors;
 use super::transformed::n_middles;
 use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, turn_tangents};
 use crate::dense;
@@ -390,6 +391,21 @@ pub fn mortar_contact<const D: usize>(
 where
     ElementKind: Mortar<D>,
 {
+    if let (Some(sectors), None) = (options.sectors, options.itself) {
+        return sectors::around(
+            sectors,
+            body,
+            [facets, others],
+            options,
+            |around, body, options| {
+                let found = mortar_contact(body, &around.facets, &around.others, options)?;
+                Ok(MortarContact {
+                    places: around.beginning(sectors, found.places),
+                    ..found
+                })
+            },
+        );
+    }
     let mesh = body.mesh;
     if options.itself.is_none() {
         let nodes_of = |facet: &Facet<D>| -> Vec<u32> { facet_nodes(facet).to_vec() };
@@ -449,7 +465,8 @@ where
                 near.retain(|other| !wall.is_between(&across[other.number]));
             }
             let nodes = facet_nodes(&facets[number]);
-            let made = integrate(&slave, nodes, &near, distance, rounding, options);
+            let home = |x| options.home(number, x);
+            let made = integrate(&slave, nodes, &near, distance, rounding, options, &home);
             let size = slave.size();
             if options.itself.is_some() || made.deepest <= SHALLOW * size {
                 return made;
@@ -465,7 +482,7 @@ where
             behind.leave_out(&slave, &facets[number], &mut near, distance);
             let mut each = before.iter().zip(&near);
             match each.any(|(before, now)| now.deepest < before.deepest) {
-                true => integrate(&slave, nodes, &near, distance, rounding, options),
+                true => integrate(&slave, nodes, &near, distance, rounding, options, &home),
                 false => made,
             }
         })
@@ -752,6 +769,7 @@ fn integrate<const D: usize>(
     distance: f64,
     rounding: f64,
     options: &PairOptions<D>,
+    home: &impl Fn([f64; D]) -> [f64; D],
 ) -> FacetShares<D>
 where
     ElementKind: Mortar<D>,
@@ -759,7 +777,7 @@ where
     let mut all = FacetShares::default();
     let gap_at = |point: &IntegrationPoint<D>| {
         let slack = slave.slack + near[point.other].slack;
-        options.gap_at(point.place, point.distance, rounding.max(slack))
+        options.gap_at(home(point.place), point.distance, rounding.max(slack))
     };
     for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
         let depths = cover.points.iter().map(|point| -point.distance);
@@ -875,7 +893,7 @@ where
                 all.place = x;
             }
             let bound = match options.friction {
-                Friction::Tresca(tresca) => tresca(x),
+                Friction::Tresca(tresca) => tresca(home(x)),
                 _ => 0.0,
             };
             for (i, share) in vertices.iter_mut().enumerate() {

@@ -6,6 +6,7 @@
 //! meshes the mortar method is better, and needs facets. Facets of second order count as the straight parts between their nodes.
 
 use super::search::{Beam, Search};
+use super::sectors;
 use super::{
     ContactError, ContactPlace, Friction, Obstacle, PairOptions, SlipBound, checked, frame,
     rounding,
@@ -63,6 +64,19 @@ pub fn node_contact<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    if let (Some(sectors), Met::Facets(others)) = (options.sectors, met) {
+        return sectors::around(
+            sectors,
+            body,
+            [around, others],
+            options,
+            |all, body, options| {
+                let (nodes, met) = (all.beginning_nodes(nodes), Met::Facets(&all.others));
+                let found = node_contact(body, &nodes, &all.facets, met, options)?;
+                Ok(all.beginning(sectors, found))
+            },
+        );
+    }
     let mesh = body.mesh;
     let rounding = rounding(body);
     let within = match met {
@@ -168,6 +182,7 @@ where
             partners,
             directed: Vec::new(),
             further: Vec::new(),
+            sectors: None,
             frame: frame(normal),
             gap,
             area,

@@ -250,6 +250,7 @@ where
                 partners: Vec::new(),
                 directed: Vec::new(),
                 further: Vec::new(),
+                sectors: None,
                 frame: frame(normal),
                 gap: felt(node, &gap_of),
                 area: area[i],

@@ -269,8 +269,12 @@ where
     // Where the row of a held node contains neighbours, only the node itself counts.
     let at_node = place.node.filter(|_| !place.directed.is_empty());
     let node = at_node.map(|node| [(node, 1.0)]);
+    let free_part = |image: u32, way: [f64; D]| {
+        let free = unknowns.free_part(place.node_of(image), place.back(image, way));
+        place.turned_to(image, free)
+    };
     for &(node, weight) in node.as_ref().map_or(&place.own[..], |node| node) {
-        let free = unknowns.free_part(node, tangent);
+        let free = free_part(node, tangent);
         (0..D).for_each(|c| kept[c] -= weight * free[c]);
     }
     let size = dot(kept, kept);
@@ -279,10 +283,10 @@ where
     }
     let (mut slides, mut ends, mut held) = (0.0_f64, [0.0_f64; 2], Vec::new());
     for &(partner, weight) in &place.partners {
-        let free = unknowns.free_part(partner, kept);
+        let free = free_part(partner, kept);
         let part = dot(free, free);
         slides += weight * part;
-        let to = minus(mesh.nodes[partner as usize], place.place);
+        let to = minus(place.place_of(partner, &mesh.nodes), place.place);
         let across = dot(to, kept);
         ends = [ends[0].min(across), ends[1].max(across)];
         held.push((across, part <= 1e-9 * size));
@@ -309,22 +313,22 @@ pub(crate) fn turned<const D: usize>(
         return place;
     }
     // The directions in which a node is held.
-    let held = |node: u32| -> Vec<[f64; D]> {
+    let held = |image: u32| -> Vec<[f64; D]> {
         let axis = |c: usize| std::array::from_fn(|i| f64::from(u8::from(i == c)));
+        let node = place.node_of(image);
         let all = unknowns.prescribed(node);
         let held = (0..D).filter(|&c| all[c].is_some());
         held.map(|c| {
-            unknowns
-                .frame(node)
-                .map_or_else(|| axis(c), |frame| frame[c])
+            let way = (unknowns.frame(node)).map_or_else(|| axis(c), |frame| frame[c]);
+            place.turned_to(image, way)
         })
         .collect()
     };
     let first = held(place.own[0].0);
     let everywhere = |way: &[f64; D]| {
-        place.own[1..]
-            .iter()
-            .all(|&(node, _)| held(node).contains(way))
+        let alike = |other: &[f64; D]| dot(*other, *way).abs() > SAME_WAY;
+        let mut others = place.own[1..].iter();
+        others.all(|&(node, _)| held(node).iter().any(alike))
     };
     let held = match &first[..] {
         [way] if everywhere(way) => Some(*way),

@@ -78,6 +78,15 @@ impl<const D: usize> Axis<D> {
         flat(self.arm(x))
     }
 
+    /// Whether another axis is along the same line, in a model of this size.
+    pub(super) fn is_along(&self, other: &Self, size: f64) -> bool {
+        let along: [f64; D] = flat(unit(other.direction()));
+        [0.0, size].iter().all(|far| {
+            let end = std::array::from_fn(|c| other.point[c] + far * along[c]);
+            length(self.arm(if D == 2 { other.point } else { end })) <= 1e-6 * size
+        })
+    }
+
     /// A point after a turn about the axis by an angle in radians, by the right-hand rule.
     pub(crate) fn turned(&self, x: [f64; D], angle: f64) -> [f64; D] {
         let (sin, cos) = angle.sin_cos();

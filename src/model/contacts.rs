@@ -10,8 +10,8 @@ use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
     ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Excluded, Itself, Met, Obstacle,
-    PairOptions, Seams, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact, node_contact,
-    obstacle_contact, walls,
+    PairOptions, Seams, Sectors, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact,
+    node_contact, obstacle_contact, walls,
 };
 use crate::elasticity::{Body, Field, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
@@ -20,6 +20,7 @@ use crate::mesh::{
     unsided,
 };
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 /// A contact as it was understood.
 #[derive(Clone, Debug)]
@@ -44,6 +45,8 @@ where
     pub walls: Vec<Wall<D>>,
     /// Of a boundary that meets itself, the exclusions of each facet; empty where there are none.
     pub excluded: Vec<Vec<Excluded>>,
+    /// The sectors that it goes on in, where its bodies repeat themselves about an axis.
+    pub(super) sectors: Option<Arc<Sectors<D>>>,
     /// Whether its boundary meets itself.
     pub(super) itself: bool,
     /// The master boundary, or the kind of obstacle.
@@ -108,6 +111,7 @@ where
             walls: Vec::new(),
             itself: false,
             excluded: Vec::new(),
+            sectors: None,
             against,
             obstacle: None,
             friction,
@@ -264,6 +268,9 @@ where
 /// Unit vectors that belong to nodes.
 pub(super) type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
+/// The bodies at the sides of sectors, those of them whose sides do not match, and their turns.
+type Rings<const D: usize> = Vec<([HashSet<u32>; 2], Arc<Sectors<D>>)>;
+
 /// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sliding<const D: usize>
@@ -276,12 +283,82 @@ where
     pub(super) held: Directions<D>,
     /// Where contacts go on beyond the sides of sectors.
     pub(super) seams: Seams<D>,
+    /// The bodies that repeat themselves.
+    rings: Rings<D>,
     /// The body of each node.
     pub(super) body_of: Vec<u32>,
     /// The surfaces of the bodies, where displacements are large.
     pub(super) surfaces: Vec<Vec<Facet<D>>>,
     /// Of contacts between two bodies, by their numbers.
     pub(super) stated: HashMap<u32, Stated>,
+}
+
+impl<const D: usize> Sliding<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// The sectors that a contact goes on in. Bodies that are not at their sides repeat themselves as well, unless they are all around
+    /// the axis.
+    fn sectors(
+        &self,
+        mesh: &Mesh<D>,
+        sides: [&[Facet<D>]; 2],
+    ) -> Result<Option<&Arc<Sectors<D>>>, Fault> {
+        let bodies = sides.map(|facets| bodies_of(&self.body_of, facets));
+        let is_at =
+            |ring: &&([HashSet<u32>; 2], _)| bodies.iter().any(|of| !of.is_disjoint(&ring.0[0]));
+        let at_sides: Vec<_> = self.rings.iter().filter(is_at).collect();
+        let (bodies, sectors) = match (&at_sides[..], &self.rings[..]) {
+            ([ring], _) => *ring,
+            ([], [ring]) => ring,
+            ([], _) => return Ok(None),
+            _ => {
+                return Err(Fault::Stated(
+                    "its sides belong to sectors of different numbers or about different axes: draw one of as many sectors of each, \
+                     or the whole bodies"
+                        .to_owned(),
+                ));
+            }
+        };
+        let is_around = |facets: &[Facet<D>]| {
+            let nodes = facets.iter().flat_map(facet_nodes);
+            let nodes = nodes.filter(|node| !bodies[0].contains(&self.body_of[**node as usize]));
+            let mut places = nodes.map(|node| mesh.nodes[*node as usize]).peekable();
+            places.peek().is_some() && sectors.surrounded(places)
+        };
+        Ok((!sides.into_iter().any(is_around)).then_some(sectors))
+    }
+}
+
+impl<const D: usize> Sliding<D>
+where
+    ElementKind: Space<D>,
+{
+    /// Whether the places of a tie go on beyond sides of sectors that do not match.
+    fn ends_apart(&self, sides: [&[Facet<D>]; 2], places: &[ContactPlace<D>]) -> bool {
+        /// Rounding, or sides that differ a little.
+        const LITTLE: f64 = 1e-2;
+        let is_apart = |facets: &[Facet<D>]| {
+            let bodies = bodies_of(&self.body_of, facets);
+            let mut rings = self.rings.iter();
+            rings.any(|ring| !bodies.is_disjoint(&ring.0[1]))
+        };
+        let beyond = |place: &ContactPlace<D>| -> f64 {
+            let all = place.sides(0).into_iter().flatten();
+            let images = all.filter(|entry| place.node_of(entry.0) != entry.0);
+            images.map(|entry| entry.1.abs()).fold(0.0, f64::max)
+        };
+        sides.into_iter().any(is_apart) && places.iter().any(|place| beyond(place) > LITTLE)
+    }
+}
+
+/// The bodies that facets are on.
+fn bodies_of<const D: usize>(body_of: &[u32], facets: &[Facet<D>]) -> HashSet<u32>
+where
+    ElementKind: Topology<D>,
+{
+    let first = facets.iter().map(|facet| facet_nodes(facet)[0]);
+    first.map(|node| body_of[node as usize]).collect()
 }
 
 /// The directions along which nodes of a tie are held, with those of its first side only where near nodes of the other side are held along
@@ -342,10 +419,7 @@ fn have_common_body<const D: usize>(body_of: &[u32], sides: [&[Facet<D>]; 2]) ->
 where
     ElementKind: Topology<D>,
 {
-    let [own, other] = sides.map(|facets| -> HashSet<u32> {
-        let first = facets.iter().map(|facet| facet_nodes(facet)[0]);
-        first.map(|node| body_of[node as usize]).collect()
-    });
+    let [own, other] = sides.map(|facets| bodies_of(body_of, facets));
     !own.is_disjoint(&other)
 }
 
@@ -453,7 +527,7 @@ where
             ..self.options(&law, [&normal, &tangential], sliding)
         };
         let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
-        let mut behind = Vec::new();
+        let (mut behind, mut sectors) = (Vec::new(), None);
         let held;
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
@@ -498,6 +572,8 @@ where
                     options.held = Some(&held);
                 }
                 options.walls = &behind;
+                sectors = sliding.sectors(mesh, [&facets, &others])?.cloned();
+                options.sectors = sectors.as_ref();
                 let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
                     false => mortar_contact(body, &facets, &others, &options).map(|found| {
@@ -541,6 +617,7 @@ where
             walls: behind,
             itself: self.is_with_itself(),
             excluded,
+            sectors: sectors.clone(),
             obstacle: match self.meets() {
                 Against::Obstacle(obstacle) => Some(*obstacle),
                 Against::Boundary(_) => None,
@@ -573,6 +650,13 @@ where
             }
             error => Fault::Contact(error),
         })?;
+        if self.is_tie() && sliding.ends_apart([&data.facets, &data.others], &found) {
+            return Err(Fault::Stated(
+                "it goes on beyond the sides of sectors whose meshes do not match there, which would be tied too firmly: mesh both sides of a \
+                 sector alike where they meet the tie, or draw the sectors of both bodies between the same half-planes"
+                    .to_owned(),
+            ));
+        }
         Ok((found, data))
     }
 }
@@ -628,6 +712,7 @@ where
             moves: true,
             rest: Some(rest),
             walls: &data.walls,
+            sectors: data.sectors.as_ref(),
             itself: data.meets_itself().then_some(Itself {
                 before,
                 excluded: &data.excluded,
@@ -727,11 +812,12 @@ where
         Ok(held)
     }
 
-    /// Where the boundaries of contacts go on beyond the sides of sectors.
-    fn seams(&self, mesh: &Mesh<D>, body_of: &[u32]) -> Result<Seams<D>, ModelError> {
-        let mut seams = Seams::new();
+    /// Where the boundaries of contacts go on beyond the sides of sectors, and the bodies that repeat themselves.
+    fn seams(&self, mesh: &Mesh<D>, body_of: &[u32]) -> Result<(Seams<D>, Rings<D>), ModelError> {
+        let (mut seams, mut repeated) = (Seams::new(), Vec::new());
         let mut nodes = HashSet::new();
-        for (i, pair) in self.pairs.iter().enumerate() {
+        let pairs = self.pairs.iter().enumerate();
+        for (i, pair) in pairs.chain(self.ties.iter().enumerate()) {
             let of_pair = [Some(pair.side()), pair.meets().boundary()];
             for names in of_pair
                 .into_iter()
@@ -744,10 +830,14 @@ where
             }
         }
         for (i, cyclic) in self.cyclics.iter().enumerate() {
-            let found = cyclic.seams(mesh, &nodes, body_of, &mut seams);
+            let found = cyclic.repeat(mesh, &nodes, body_of, &mut seams, &mut repeated);
             found.map_err(|fault| cyclic.entity(i).error(fault))?;
         }
-        Ok(seams)
+        let rings = repeated.into_iter().map(|ring| {
+            let sectors = Arc::new(ring.sectors);
+            ([ring.bodies, ring.unmatched], sectors)
+        });
+        Ok((seams, rings.collect()))
     }
 
     /// The contact places of all contacts.
@@ -758,10 +848,12 @@ where
     ) -> Result<Candidates<D>, ModelError> {
         let units = self.units();
         let (count, body_of) = body.mesh.bodies();
+        let (seams, rings) = self.seams(body.mesh, &body_of)?;
         let sliding = Sliding {
             symmetry: self.symmetry_planes(body.mesh)?,
             held: self.held_directions(body.mesh, unknowns)?,
-            seams: self.seams(body.mesh, &body_of)?,
+            seams,
+            rings,
             surfaces: match self.is_large() {
                 true => surfaces(body.mesh, count, &body_of),
                 false => Vec::new(),

@@ -289,6 +289,7 @@ where
                 node: Some(node),
                 directed: Vec::new(),
                 further: rows.iter().map(|(.., others)| others.clone()).collect(),
+                sectors: None,
                 ..measured(at, node, frame, Vec::new())
             });
         }

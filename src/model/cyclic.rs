@@ -12,12 +12,12 @@ use super::loads::{area_shares, outer_facets};
 use super::revolution::ON_AXIS;
 use super::stated::Flaw;
 use crate::contact::{
-    ContactError, ContactPlace, Friction, PairOptions, Seams, Space, mortar_contact,
+    ContactError, ContactPlace, Friction, PairOptions, Seams, Sectors, Space, mortar_contact,
 };
 use crate::elasticity::Body;
 use crate::mesh::structured::join;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Mesh, nodes_of_facets};
+use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes, nodes_of_facets};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 use std::collections::HashSet;
@@ -40,6 +40,19 @@ pub struct Cyclic<const D: usize = 2> {
 }
 
 with_a_name!(Cyclic);
+
+/// Bodies that repeat themselves about an axis.
+pub(super) struct Repeated<const D: usize> {
+    axis: Axis<D>,
+    pub sectors: Sectors<D>,
+    /// Those at the sides of the sector.
+    pub bodies: HashSet<u32>,
+    /// Those whose sides do not match where they have contacts.
+    pub unmatched: HashSet<u32>,
+}
+
+/// A node of the high side of a sector, that of the low side which the turn takes to it, and the turn.
+type Matched<const D: usize> = (u32, u32, [[f64; D]; D]);
 
 impl<const D: usize> Cyclic<D> {
     /// Boundaries on both sides of one of these sectors about an axis. Meshes of the sides need not match.
@@ -168,15 +181,66 @@ where
         Ok(([low, high], angle))
     }
 
-    /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes of the
-    /// same body at the other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself.
-    pub(super) fn seams(
+    /// Its sectors, whose sides are not joined yet.
+    fn sectors(&self, mesh: &Mesh<D>) -> Result<Sectors<D>, Fault> {
+        let turned = |x, angle| self.axis.turned(x, angle);
+        Sectors::new(self.sectors, mesh.nodes.len(), turned).ok_or_else(|| {
+            let text =
+                "contacts number the nodes of all sectors, which are too many: take a coarser mesh";
+            Fault::Stated(text.to_owned())
+        })
+    }
+
+    /// Adds it to the turns of bodies, as one of those about the same axis or as another one; with the seams of some nodes.
+    pub(super) fn repeat(
         &self,
         mesh: &Mesh<D>,
         nodes: &HashSet<u32>,
         body_of: &[u32],
         seams: &mut Seams<D>,
+        repeated: &mut Vec<Repeated<D>>,
     ) -> Result<(), Fault> {
+        let (low, high) = mesh.bounding_box();
+        let size = length(minus(high, low));
+        let is_same = |other: &Repeated<D>| {
+            other.sectors.count() == self.sectors && other.axis.is_along(&self.axis, size)
+        };
+        let at = match repeated.iter().position(is_same) {
+            Some(at) => at,
+            None => {
+                repeated.push(Repeated {
+                    axis: self.axis,
+                    sectors: self.sectors(mesh)?,
+                    bodies: HashSet::new(),
+                    unmatched: HashSet::new(),
+                });
+                repeated.len() - 1
+            }
+        };
+        let (sides, _) = self.sides(mesh)?;
+        let on_sides = sides.iter().flatten().map(|facet| facet_nodes(facet)[0]);
+        let bodies = on_sides.map(|node| body_of[node as usize]);
+        repeated[at].bodies.extend(bodies);
+        // Where some do not match, all places are halves.
+        let (matched, unmatched) = self.seams(mesh, nodes, body_of, seams)?;
+        let is_whole = |one: &Matched<D>| !unmatched.contains(&body_of[one.0 as usize]);
+        for (high, low, turn) in matched.into_iter().filter(is_whole) {
+            repeated[at].sectors.join(high, low, &turn);
+        }
+        repeated[at].unmatched.extend(unmatched);
+        Ok(())
+    }
+
+    /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes of the
+    /// same body at the other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself. Returns
+    /// the nodes of the high side that are where turned ones of the low side are, with these and the turn, and the bodies that have others.
+    fn seams(
+        &self,
+        mesh: &Mesh<D>,
+        nodes: &HashSet<u32>,
+        body_of: &[u32],
+        seams: &mut Seams<D>,
+    ) -> Result<(Vec<Matched<D>>, HashSet<u32>), Fault> {
         /// The distance at which two nodes count as one, in the largest facet.
         const ONE: f64 = 1e-6;
         let (sides, angle) = self.sides(mesh)?;
@@ -199,6 +263,7 @@ where
             (&on_sides[0], &on_sides[1], angle),
             (&on_sides[1], &on_sides[0], -angle),
         ];
+        let (mut matched, mut unmatched) = (Vec::new(), HashSet::new());
         for (here, there, angle) in ways {
             for &node in here {
                 let x = self.axis.turned(mesh.nodes[node as usize], angle);
@@ -208,6 +273,16 @@ where
                     .filter(|other| other.0 <= size)
                     .collect();
                 near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                match near[..] {
+                    [(off, other), ..] if off <= ONE * size => {
+                        if other != node && std::ptr::eq(here, &on_sides[1]) {
+                            matched.push((node, other, turn(-angle)));
+                        }
+                    }
+                    _ => {
+                        unmatched.insert(body_of[node as usize]);
+                    }
+                }
                 let beyond = match near[..] {
                     [(off, other), ..] if off <= ONE * size && other == node => {
                         let sectors = 1..self.sectors;
@@ -228,7 +303,7 @@ where
                 seams.insert(node, beyond);
             }
         }
-        Ok(())
+        Ok((matched, unmatched))
     }
 
     /// The places of `high` tied to `low` after a turn by an angle.

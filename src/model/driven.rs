@@ -68,6 +68,7 @@ pub(super) fn measured<const D: usize>(
         partners: Vec::new(),
         directed: vec![Default::default(); D],
         further: vec![terms],
+        sectors: None,
         frame,
         gap: 0.0,
         area: 1.0,

@@ -331,6 +331,7 @@ where
             partners,
             directed: Vec::new(),
             further: Vec::new(),
+            sectors: None,
             frame: std::array::from_fn(|a| if a == 0 { normal } else { [0.0; D] }),
             gap: 0.0,
             area: section.area,

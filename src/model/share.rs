@@ -524,15 +524,14 @@ where
             let all = std::iter::once([&place.own, &place.partners]).chain(directed);
             for (sides, from) in part.sides.iter_mut().zip(all) {
                 for (side, nodes) in sides.iter_mut().zip(from) {
-                    let here = nodes.iter();
+                    let here = nodes.iter().filter(|(node, _)| !place.is_image(*node));
                     side.extend(here.filter_map(|&(node, w)| Some((i, local(node)?, w))));
                 }
             }
-            for (a, nodes) in (0..).zip(&place.further) {
+            for a in 0..D as u32 {
+                let further = place.beyond(a as usize);
                 part.further.extend(
-                    nodes
-                        .iter()
-                        .filter_map(|(node, way)| Some((i, a, local(*node)?, way.to_vec()))),
+                    further.filter_map(|(node, way)| Some((i, a, local(node)?, way.to_vec()))),
                 );
             }
             let node = place.node.and_then(local);
@@ -780,6 +779,7 @@ impl Place {
             partners: Vec::new(),
             directed: vec![Default::default(); if self.is_directed { D } else { 0 }],
             further: Vec::new(),
+            sectors: None,
             frame: rows(&self.frame),
             gap: self.gap,
             area: self.area,

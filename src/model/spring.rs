@@ -263,6 +263,7 @@ where
             partners,
             directed: Vec::new(),
             further: Vec::new(),
+            sectors: None,
             frame,
             gap: 0.0,
             area: 1.0,

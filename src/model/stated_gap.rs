@@ -30,7 +30,10 @@ impl Stated {
     /// The summand of the distance at a place of bodies that have moved, where this part of overlaps has been pressed apart.
     pub(super) fn beyond<const D: usize>(&self, place: &ContactPlace<D>, grown: f64) -> f64 {
         let of_nodes = place.own.iter();
-        let beyond = |node| self.beyond.get(&(place.part, node)).unwrap_or(&0.0);
+        let beyond = |node| {
+            let node = place.node_of(node);
+            self.beyond.get(&(place.part, node)).unwrap_or(&0.0)
+        };
         let of_nodes = of_nodes.map(|&(node, w)| w * beyond(node));
         of_nodes.sum::<f64>() + self.offset + (1.0 - grown) * self.depth
     }
@@ -153,12 +156,14 @@ where
             match other == node {
                 true => own = weight,
                 false => {
-                    let entry = of_nodes.entry((place.part, other));
+                    let entry = of_nodes.entry((place.part, place.node_of(other)));
                     rest -= weight * *entry.or_insert_with_key(near);
                 }
             }
         }
-        of_nodes.insert((place.part, node), rest / own);
+        for node in place.nodes_of(node, mesh.nodes.len()) {
+            of_nodes.insert((place.part, node), rest / own);
+        }
     }
     let parts = match steepest {
         None => vec![0; facets.len()],

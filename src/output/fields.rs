@@ -214,7 +214,7 @@ where
             };
             let mut rest = match elastic.is_large() {
                 false => String::new(),
-                true => (elastic.contact.places[i].mean(|node| elastic.mesh.nodes[node as usize]))
+                true => (elastic.contact.places[i].mean_place(&elastic.mesh.nodes))
                     .map(|x| format!(",{x:e}"))
                     .concat(),
             };
@@ -296,13 +296,17 @@ where
         if !is_shown {
             continue;
         }
-        for &(node, weight) in place.own.iter().filter(|own| own.1 > 0.0) {
+        let own = place.own.iter().filter(|own| own.1 > 0.0);
+        let n_nodes = elastic.mesh.nodes.len();
+        let own = own.flat_map(|&(image, weight)| {
             // A node that is a place shows that one, whatever share others have in it.
-            let part = if place.node == Some(node) {
-                f64::INFINITY
-            } else {
-                weight
+            let part = match place.node == Some(image) {
+                true => f64::INFINITY,
+                false => weight,
             };
+            (place.nodes_of(image, n_nodes)).map(move |node| (node, part))
+        });
+        for (node, part) in own {
             let held = shown.entry(node).or_insert((part, i));
             if part > held.0 || part == held.0 && contact.pressure[i] > contact.pressure[held.1] {
                 *held = (part, i);

@@ -72,7 +72,9 @@ where
             frames.extend(self.contact.frames.iter().map(|frame| frame.map(turned)));
             let moved = |all: &[(u32, f64)]| -> Vec<(u32, f64)> {
                 let all = all.iter();
-                all.map(|&(node, weight)| (node + first, weight)).collect()
+                // Images are nodes of the sectors that they are in.
+                all.map(|&(node, weight)| ((node + first) % (n * sectors), weight))
+                    .collect()
             };
             elastic
                 .contact

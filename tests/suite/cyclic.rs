@@ -5,12 +5,19 @@ use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Space;
 use signorini::elasticity::{Material, Plane, internal_forces};
-use signorini::engine::Stiffness;
+use signorini::engine::{Engine, Stiffness};
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::mesh::{ElementKind, Mesh};
-use signorini::model::{Axis, Cyclic, Model, Pair, Quantity, Support, Temperature, Traction};
+use signorini::mesh::{Element, ElementKind, Mesh, Topology, facet_nodes};
+use signorini::model::{
+    Analysis, Axis, Cyclic, Model, Pair, Quantity, Support, Temperature, Traction,
+};
+use signorini::output::{Draw, Results, StepResults, shown_at_nodes};
+use signorini::quasistatic::StepSettings;
+use signorini::solve::Event;
 use signorini::ssnm::Status;
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e11;
@@ -381,6 +388,18 @@ fn sectors_that_do_not_close_are_refused() {
     assert!(refused.contains("only 60 % of \"bottom\""), "{refused}");
 
     let axis = Axis::at([0.0, 0.0]);
+    // A shaft of nine sectors in a hub of seven.
+    let mut shaft = sector(9.0, [4, 3], 0.0);
+    shaft.nodes.iter_mut().for_each(|x| *x = x.map(|x| 0.5 * x));
+    shaft.rename(|_| "shaft".to_owned(), |name| format!("shaft-{name}"));
+    let both = model(join(shaft, sector(7.0, [4, 3], 0.0)))
+        .contact(Pair::new("shaft-right", "left"))
+        .cyclic(Cyclic::between("shaft-bottom", "shaft-top", axis, 9))
+        .cyclic(Cyclic::between("bottom", "top", axis, 7));
+    let refused = both.build().expect_err("they do not fit").to_string();
+    let text = "its sides belong to sectors of different numbers or about different axes";
+    assert!(refused.contains(text), "{refused}");
+
     for (sectors, low, text) in [
         (
             9,
@@ -488,4 +507,625 @@ fn contact_goes_on_beyond_the_sides() {
             }
         }
     }
+}
+
+/// The mesh with one node where it has several, and without the facets that are between elements then.
+fn welded<const D: usize>(mesh: Mesh<D>) -> Mesh<D>
+where
+    ElementKind: Topology<D>,
+{
+    let same = |a: &[f64; D], b: &[f64; D]| apart(a, b) < 1e-9;
+    let nodes = &mesh.nodes;
+    let first = |node: u32| {
+        let x = &nodes[node as usize];
+        nodes.iter().position(|y| same(x, y)).expect("itself") as u32
+    };
+    let first: Vec<u32> = (0..nodes.len() as u32).map(first).collect();
+    let elements = mesh.elements.iter().map(|element| {
+        let nodes: Vec<u32> = (element.nodes().iter())
+            .map(|&n| first[n as usize])
+            .collect();
+        Element::new(element.kind(), &nodes, element.region)
+    });
+    let elements = elements.collect();
+    let mut boundaries = mesh.boundaries.clone();
+    boundaries.retain(|name, _| name.ends_with("inside") || name.ends_with("outside"));
+    for facet in boundaries.values_mut().flatten() {
+        (facet.as_mut().iter_mut()).for_each(|node| *node = first[*node as usize]);
+    }
+    Mesh::new(mesh.nodes, elements, mesh.regions, boundaries).expect("a ring")
+}
+
+/// Rings of the plane or of space in each other.
+trait Rings<const D: usize>
+where
+    ElementKind: Topology<D>,
+{
+    fn axis() -> Axis<D>;
+
+    /// A support that holds along the axis, too.
+    fn along(support: Support<D>) -> Support<D>;
+
+    /// Of these radii, between two angles, with as many cells out and around; of second order, too.
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh<D>;
+}
+
+/// Names of sides of a ring, from those of its unit square or cube.
+fn named<const D: usize>(mesh: &mut Mesh<D>, name: &str)
+where
+    ElementKind: Topology<D>,
+{
+    let sides = match D {
+        2 => ["left", "right", "bottom", "top"],
+        _ => ["left", "right", "front", "back"],
+    };
+    for (side, to) in sides.into_iter().zip(["inside", "outside", "start", "end"]) {
+        let facets = mesh
+            .boundaries
+            .remove(&format!("{name}-{side}"))
+            .expect("a side");
+        mesh.boundaries.insert(format!("{name}-{to}"), facets);
+    }
+}
+
+fn bent<const D: usize>(x: &mut [f64; D], radii: [f64; 2], angles: [f64; 2]) {
+    let r = radii[0] + (radii[1] - radii[0]) * x[0];
+    let angle = angles[0] + (angles[1] - angles[0]) * x[1];
+    [x[0], x[1]] = [r * angle.cos(), r * angle.sin()];
+}
+
+impl Rings<2> for ElementKind {
+    fn axis() -> Axis {
+        Axis::at([0.0; 2])
+    }
+
+    fn along(support: Support) -> Support {
+        support
+    }
+
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh {
+        let prefix = format!("{name}-");
+        let mut mesh = rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix);
+        if order == 2 {
+            mesh = mesh.raised().or_panic();
+        }
+        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
+        named(&mut mesh, name);
+        mesh
+    }
+}
+
+impl Rings<3> for ElementKind {
+    fn axis() -> Axis<3> {
+        Axis::new([0.0; 3], [0.0, 0.0, 1.0])
+    }
+
+    fn along(support: Support<3>) -> Support<3> {
+        support.axial(0.0)
+    }
+
+    fn ring(
+        name: &str,
+        radii: [f64; 2],
+        angles: [f64; 2],
+        cells: [usize; 2],
+        order: usize,
+    ) -> Mesh<3> {
+        let prefix = format!("{name}-");
+        let cells = [cells[0], cells[1], 2];
+        let mut mesh = block(
+            [0.0; 3],
+            [1.0, 1.0, 0.3],
+            cells,
+            SolidShape::Hexahedron,
+            name,
+            &prefix,
+        );
+        if order == 2 {
+            mesh = mesh.raised().or_panic();
+        }
+        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
+        named(&mut mesh, name);
+        mesh
+    }
+}
+
+/// What a fit passes on: the normal force, the moment, the area, and the pressures in their order.
+fn passed_on<const D: usize>(found: &Answer<D>, sectors: f64) -> ([f64; 3], Vec<f64>)
+where
+    ElementKind: Space<D>,
+{
+    let mut sums = [0.0; 3];
+    let mut pressures = Vec::new();
+    for i in (0..found.m()).filter(|i| found.built.elastic.pair_of[*i] == 0) {
+        let (x, force) = (found.place(i), found.contact_force(i));
+        let all = [
+            found.solution.lambda[i],
+            x[0] * force[1] - x[1] * force[0],
+            found.area(i),
+        ];
+        (0..3).for_each(|k| sums[k] += sectors * all[k]);
+        pressures.push(found.pressure(i));
+    }
+    pressures.sort_by(f64::total_cmp);
+    (sums, pressures)
+}
+
+/// The kinds of a fit, and whether either side has the multipliers.
+fn fits<const D: usize>() -> Vec<(&'static str, Pair<D>)>
+where
+    ElementKind: Space<D>,
+{
+    let sides = [
+        ("shaft-outside", "hub-inside"),
+        ("hub-inside", "shaft-outside"),
+    ];
+    let mut all = Vec::new();
+    for (one, other) in sides {
+        let pressed = Pair::new(one, other).interference(0.02).coulomb(2.0);
+        let slides = Pair::new(one, other).interference(0.02);
+        let of_nodes = one.replace("outside", "nodes").replace("inside", "nodes");
+        let by_nodes = Pair::new(of_nodes, other).by_nodes();
+        let by_nodes = by_nodes.interference(0.02).coulomb(2.0);
+        all.push(("pressed", pressed.clone()));
+        all.push(("slides", slides));
+        all.push(("nodes", by_nodes));
+        all.push(("tied", Pair::tied(one, other)));
+    }
+    all
+}
+
+/// The sector of a hub may begin elsewhere than that of its shaft: the bodies, their forces and pressures are those of the whole rings.
+fn fits_of_turned_sectors<const D: usize>(
+    sectors: u32,
+    orders: &[usize],
+    offs: &[f64],
+    cells: &[usize],
+) where
+    ElementKind: Space<D> + Rings<D>,
+{
+    let n = 24;
+    let axis = <ElementKind as Rings<D>>::axis();
+    let bodies = |off: f64, parts: usize, hub: usize, order: usize| {
+        let angle = TAU / parts as f64;
+        let turn = off.to_radians();
+        let ring = <ElementKind as Rings<D>>::ring;
+        let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n / parts], order);
+        let hub = ring(
+            "hub",
+            [1.0, 1.6],
+            [turn, turn + angle],
+            [3, hub / parts],
+            order,
+        );
+        let mut both = match parts {
+            1 => join(welded(shaft), welded(hub)),
+            _ => join(shaft, hub),
+        };
+        for (side, set) in [
+            ("shaft-outside", "shaft-nodes"),
+            ("hub-inside", "hub-nodes"),
+        ] {
+            let facets = both.boundaries[side].iter().flat_map(facet_nodes);
+            let nodes: BTreeSet<u32> = facets.copied().collect();
+            both.node_sets
+                .insert(set.to_owned(), nodes.into_iter().collect());
+        }
+        both
+    };
+    let model = |mesh: Mesh<D>| {
+        Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(<ElementKind as Rings<D>>::along(
+                Support::on("hub-outside")
+                    .about(axis)
+                    .radial(0.0)
+                    .hoop(0.01),
+            ))
+    };
+    let model = |mesh: Mesh<D>, fit: &(&str, Pair<D>)| match fit {
+        ("tied", fit) => model(mesh).tie(fit.clone()),
+        (_, fit) => model(mesh).contact(fit.clone()),
+    };
+    for &order in orders {
+        for &hub in cells {
+            for fit in fits::<D>() {
+                for &off in offs {
+                    let mesh = bodies(off, 1, hub, order);
+                    let whole = answer(model(mesh, &fit), 1e-9, Stiffness::Cholesky);
+                    let whole = passed_on(&whole, 1.0);
+                    let side = |name: &str| {
+                        let mut sides = ["start", "end"].map(|side| format!("{name}-{side}"));
+                        if off == 40.0 && name == "hub" {
+                            sides.reverse();
+                        }
+                        let [low, high] = sides;
+                        Cyclic::between(low, high, axis, sectors)
+                    };
+                    let part = model(bodies(off, sectors as usize, hub, order), &fit);
+                    let part = part.cyclic(side("shaft")).cyclic(side("hub"));
+                    let found = answer(part, 1e-9, Stiffness::Cholesky);
+                    let (sums, pressures) = passed_on(&found, f64::from(sectors));
+                    let kind = fit.0;
+                    // Facets of second order at the sides that supports hold are tied by their corners.
+                    let same = if order == 1 { 1e-6 } else { 3e-3 };
+                    let about = format!(
+                        "{kind} {sectors} {order} {hub} {off}: {sums:?} {:?}",
+                        whole.0
+                    );
+                    for (a, b) in sums.iter().zip(whole.0) {
+                        assert!((a - b).abs() < same * whole.0[2].max(b.abs()), "{about}");
+                    }
+                    assert_eq!(pressures.len() * sectors as usize, whole.1.len(), "{about}");
+                    let least = whole.0[1].abs() / whole.0[2];
+                    let most = whole.1.iter().fold(least, |most, p| most.max(p.abs()));
+                    for (p, of) in pressures.iter().zip(whole.1.chunks(sectors as usize)) {
+                        let off = of.iter().fold(0.0_f64, |off, q| off.max((p - q).abs()));
+                        assert!(
+                            off < 10.0 * same * most,
+                            "{about} {pressures:?} {:?}",
+                            whole.1
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn fits_of_turned_sectors_in_the_plane() {
+    fits_of_turned_sectors::<2>(8, &[1, 2], &[0.0, 40.0, -105.0], &[24, 32]);
+    fits_of_turned_sectors::<2>(2, &[1, 2], &[0.0, 130.0], &[32]);
+    fits_of_turned_sectors::<2>(3, &[1], &[0.0, 190.0], &[24]);
+}
+
+/// Where the meshes of the sides of sectors do not match, a fit passes on nearly as much, with friction and tied.
+#[test]
+fn fits_of_sectors_whose_sides_do_not_match() {
+    let axis = <ElementKind as Rings<3>>::axis();
+    let ring = <ElementKind as Rings<3>>::ring;
+    let model = |off: f64, uneven: f64, fit: &(&str, Pair<3>)| {
+        let [shaft, hub] =
+            [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
+                let mut mesh = ring(name, radii, [start, start + TAU / 8.0], [3, 4], 1);
+                for x in &mut mesh.nodes {
+                    let t = (x[1].atan2(x[0]) - start) / (TAU / 8.0);
+                    x[2] += uneven * t * x[2] * (0.3 - x[2]);
+                }
+                mesh
+            });
+        let side = |name: &str| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            Cyclic::between(low, high, axis, 8)
+        };
+        let model = Model::on(join(shaft, hub))
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(
+                Support::on("hub-outside")
+                    .about(axis)
+                    .radial(0.0)
+                    .hoop(0.01)
+                    .axial(0.0),
+            )
+            .cyclic(side("shaft"))
+            .cyclic(side("hub"));
+        match fit {
+            ("tied", fit) => model.tie(fit.clone()),
+            (_, fit) => model.contact(fit.clone()),
+        }
+    };
+    let passed = |off: f64, uneven: f64, fit: &(&str, Pair<3>)| {
+        passed_on(
+            &answer(model(off, uneven, fit), 1e-9, Stiffness::Cholesky),
+            8.0,
+        )
+        .0
+    };
+    for fit in fits::<3>().iter().filter(|fit| fit.0 != "nodes") {
+        for off in [0.0, 0.4] {
+            if fit.0 == "tied" && off > 0.0 {
+                let refused = model(off, 1.5, fit).build().expect_err("it is too firm");
+                let refused = refused.to_string();
+                assert!(refused.contains("whose meshes do not match"), "{refused}");
+                continue;
+            }
+            let [even, uneven] = [0.0, 1.5].map(|uneven| passed(off, uneven, fit));
+            let part = if off > 0.0 { 0.02 } else { 1e-4 };
+            let most = even.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+            for (a, b) in even.iter().zip(uneven) {
+                assert!(
+                    (a - b).abs() < part * most,
+                    "{} {off}: {even:?} {uneven:?}",
+                    fit.0
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn fits_of_turned_sectors_in_space() {
+    fits_of_turned_sectors::<3>(8, &[1], &[0.0, 40.0], &[32]);
+}
+
+/// A shaft turns in its hub by more than a sector, with and without friction: in each load step the normal force, the moment, the area
+/// and the pressures are those of the whole rings.
+#[test]
+fn a_shaft_turns_in_its_hub() {
+    let axis = Axis::at([0.0; 2]);
+    let ring = <ElementKind as Rings<2>>::ring;
+    let bodies = |parts: usize, off: f64| {
+        let [shaft, hub] =
+            [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
+                let angles = [start, start + TAU / parts as f64];
+                ring(name, radii, angles, [2, 24 / parts], 1)
+            });
+        match parts {
+            1 => join(welded(shaft), welded(hub)),
+            _ => join(shaft, hub),
+        }
+    };
+    // Friction below 0: a tie.
+    let turned = |parts: usize, angle: f64, off: f64, friction: f64, sides: [&str; 2]| {
+        let model = Model::on(bodies(parts, off))
+            .large_displacements()
+            .material(Material::new(1e3, 0.3))
+            .support(
+                Support::on("shaft-inside")
+                    .turned(axis, angle)
+                    .factors([0.0, 0.5, 1.0]),
+            )
+            .support(Support::on("hub-outside").fixed())
+            .steps([1.0, 1.0, 1.0]);
+        let model = match friction {
+            ..0.0 => model.tie(Pair::tied(sides[0], sides[1])),
+            _ => model.contact(
+                Pair::new(sides[0], sides[1])
+                    .interference(0.01)
+                    .coulomb(friction),
+            ),
+        };
+        let model = ["shaft", "hub"].iter().fold(model, |model, name| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            match parts {
+                1 => model,
+                _ => model.cyclic(Cyclic::between(low, high, axis, parts as u32)),
+            }
+        });
+        let built = model.build().or_panic();
+        let mut engine = Engine::new(&built.problem, Default::default(), |_| {}).or_panic();
+        let mut settings = StepSettings::default();
+        settings.ssnm.tolerance = 1e-9;
+        let mut ends = Vec::new();
+        let solved = Analysis::from(&built).solve_on(&mut engine, &settings, |event| {
+            if let Event::Ends(step) = event {
+                let there = step.displaced.as_deref().unwrap_or(&built);
+                let lambda = &step.solution.lambda;
+                let (mut sums, mut pressures) = ([0.0; 3], Vec::new());
+                let places = there.elastic.contact.places.iter().enumerate();
+                for (i, place) in places.filter(|(i, _)| there.elastic.pair_of[*i] == 0) {
+                    let [normal, tangent] = place.frame;
+                    let rubs = lambda[there.problem.m() + i];
+                    let force = [0, 1].map(|c| -lambda[i] * normal[c] - rubs * tangent[c]);
+                    let x = place.place;
+                    let all = [lambda[i], x[0] * force[1] - x[1] * force[0], place.area];
+                    (0..3).for_each(|k| sums[k] += parts as f64 * all[k]);
+                    pressures.push(lambda[i] / place.area);
+                }
+                pressures.sort_by(f64::total_cmp);
+                ends.push((step.solution.status, sums, pressures));
+            }
+            ControlFlow::Continue(())
+        });
+        solved.or_panic();
+        ends
+    };
+    for (parts, angle, off, friction) in [
+        (8, 100.0, 0.0, 0.0),
+        (8, 22.5, 1.1, 0.0),
+        (4, 37.0, -2.0, 0.3),
+        (2, 185.0, 0.4, 0.0),
+        (6, 3.0, 0.8, -1.0),
+    ] {
+        for sides in [
+            ["shaft-outside", "hub-inside"],
+            ["hub-inside", "shaft-outside"],
+        ] {
+            let turned = |parts: usize| turned(parts, angle, off, friction, sides);
+            let [whole, part] = [turned(1), turned(parts)];
+            for (step, (a, b)) in part.iter().zip(&whole).enumerate() {
+                let about =
+                    format!("{parts} {angle} {off} {friction} {sides:?} {step}: {a:?} {b:?}");
+                assert_eq!(
+                    (a.0, b.0),
+                    (Status::Converged, Status::Converged),
+                    "{about}"
+                );
+                let most = b.1.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
+                for (x, y) in a.1.iter().zip(&b.1) {
+                    assert!((x - y).abs() < 1e-5 * most, "{about}");
+                }
+                assert_eq!(parts * a.2.len(), b.2.len(), "{about}");
+                for (p, all) in a.2.iter().zip(b.2.chunks(parts)) {
+                    let off = all.iter().fold(0.0_f64, |off, q| off.max((p - q).abs()));
+                    assert!(off < 1e-5 * most, "{about}");
+                }
+            }
+        }
+    }
+}
+
+/// Files and pictures show places whose nodes are in other sectors, of one sector and of all. Both nodes that are one show their place.
+#[test]
+fn results_show_places_of_other_sectors() {
+    shows_turned_sectors::<2>();
+    shows_turned_sectors::<3>();
+}
+
+fn shows_turned_sectors<const D: usize>()
+where
+    ElementKind: Space<D> + Rings<D> + Draw<D>,
+{
+    let axis = <ElementKind as Rings<D>>::axis();
+    let ring = |name: &str, radii, start: f64| {
+        <ElementKind as Rings<D>>::ring(name, radii, [start, start + TAU / 8.0], [2, 3], 1)
+    };
+    for is_whole in [false, true] {
+        let mesh = join(ring("shaft", [0.4, 1.0], 0.0), ring("hub", [1.0, 1.6], 2.0));
+        let side = |name: &str| {
+            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+            Cyclic::between(low, high, axis, 8)
+        };
+        let shaft = if is_whole {
+            side("shaft").whole()
+        } else {
+            side("shaft")
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(Support::on("hub-outside").fixed())
+            .contact(
+                Pair::new("shaft-outside", "hub-inside")
+                    .interference(0.01)
+                    .coulomb(0.2),
+            )
+            .cyclic(shaft)
+            .cyclic(side("hub"));
+        let built = model.build().or_panic();
+        let analysis = Analysis::from(&built);
+        let directory = tempfile::tempdir().or_panic();
+        let mut results = Results::new(directory.path(), "Turned", analysis).or_panic();
+        results.draw();
+        let mut engine = Engine::new(&built.problem, Default::default(), |_| {}).or_panic();
+        let solved = analysis.solve_on(&mut engine, &StepSettings::default(), |event| {
+            if let Event::Ends(step) = event {
+                let of = StepResults::new(analysis, &step);
+                let bodies = of.of_bodies.as_ref().expect("bodies");
+                let shown = shown_at_nodes(bodies.elastic, &bodies.contact, Some(0));
+                let facets = bodies.elastic.mesh.boundaries["shaft-outside"].iter();
+                for node in facets.flat_map(facet_nodes) {
+                    assert!(shown.contains_key(node), "{node}");
+                }
+                results.add(&step).or_panic();
+            }
+            ControlFlow::Continue(())
+        });
+        solved.or_panic();
+        results.finish().or_panic();
+    }
+}
+
+/// An interference that is a function of the place in the drawn sector is that of the places of other sectors, turned back.
+#[test]
+fn stated_fields_repeat_themselves() {
+    let (sectors, axis) = (8_u32, Axis::at([0.0; 2]));
+    let sector = TAU / f64::from(sectors);
+    let overlap = Quantity::from(move |x: [f64; 2]| {
+        let angle = x[1].atan2(x[0]).rem_euclid(sector);
+        0.01 + 0.01 * angle
+    });
+    let ring = <ElementKind as Rings<2>>::ring;
+    let model = |whole: bool, sides: [&str; 2], off: f64| {
+        let (angle, n) = if whole { (TAU, 24) } else { (sector, 3) };
+        let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n], 1);
+        let hub = ring("hub", [1.0, 1.6], [off, off + angle], [3, n], 1);
+        let mesh = match whole {
+            true => join(welded(shaft), welded(hub)),
+            false => join(shaft, hub),
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .support(Support::on("hub-outside").fixed())
+            .contact(Pair::new(sides[0], sides[1]).interference(overlap.clone()));
+        match whole {
+            true => model,
+            false => (model.cyclic(Cyclic::between("shaft-start", "shaft-end", axis, sectors)))
+                .cyclic(Cyclic::between("hub-start", "hub-end", axis, sectors)),
+        }
+    };
+    for sides in [
+        ["shaft-outside", "hub-inside"],
+        ["hub-inside", "shaft-outside"],
+    ] {
+        for off in [0.0, 0.2, -sector] {
+            let [whole, part] = [true, false].map(|is_whole| {
+                let found = answer(model(is_whole, sides, off), 1e-9, Stiffness::Cholesky);
+                passed_on(&found, if is_whole { 1.0 } else { f64::from(sectors) })
+            });
+            for (a, b) in part.0.iter().zip(whole.0) {
+                assert!(
+                    (a - b).abs() < 1e-6 * whole.0[0],
+                    "{sides:?} {off}: {part:?} {whole:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Stones of an arch all around a ring press each other as it is loaded from outside: each meets the next one beyond the side of its sector.
+#[test]
+fn stones_meet_those_of_the_next_sector() {
+    let (sectors, axis) = (6_u32, Axis::at([0.0; 2]));
+    let angle = TAU / f64::from(sectors);
+    let ring = <ElementKind as Rings<2>>::ring;
+    let core = |angle: f64, n: usize| ring("core", [0.5, 0.8], [0.0, angle], [2, n], 1);
+    let stone = |k: u32| {
+        let (name, start) = (format!("stone{k}"), (0.25 + f64::from(k)) * angle);
+        ring(&name, [0.8, 1.4], [start, start + angle], [4, 4], 1)
+    };
+    let model = |count: u32| {
+        let core = if count == 1 {
+            core(angle, 4)
+        } else {
+            welded(core(TAU, 24))
+        };
+        let mesh = (0..count).fold(core, |mesh, k| join(mesh, stone(k)));
+        let mut model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("core-inside").fixed());
+        for k in 0..count {
+            let next = (k + 1) % count;
+            model = model
+                .traction(Traction::on(format!("stone{k}-outside")).pressure(1.0))
+                .contact(Pair::new(
+                    format!("stone{k}-end"),
+                    format!("stone{next}-start"),
+                ))
+                .tie(Pair::tied(format!("stone{k}-inside"), "core-outside"));
+        }
+        match count {
+            1 => model.cyclic(Cyclic::between("core-start", "core-end", axis, sectors)),
+            _ => model,
+        }
+    };
+    let [part, whole] = [1, sectors].map(|count| answer(model(count), 1e-10, Stiffness::Cholesky));
+    is_a_part(&part, &whole);
+    // Forces of corners where two stones and the ring meet are shared in any way.
+    let pressing = |found: &Answer<2>, count: u32| -> f64 {
+        let is_counted = |i: &usize| {
+            let x = found.place(*i);
+            found.built.elastic.pair_of[*i] < count && x[0].hypot(x[1]) > 0.81
+        };
+        let places = (0..found.m()).filter(is_counted);
+        places.map(|i| found.solution.lambda[i]).sum::<f64>() / f64::from(count)
+    };
+    let [a, b] = [pressing(&part, 1), pressing(&whole, sectors)];
+    assert!(b > 0.3 && (a - b).abs() < 1e-7 * b, "{a} {b}");
 }

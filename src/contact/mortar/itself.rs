@@ -71,6 +71,19 @@ impl<const D: usize> Wall<D> {
             && length(aside) < some + self.size + other.size
     }
 
+    /// After a turn of places and vectors.
+    pub(in super::super) fn turned(
+        &self,
+        places: impl Fn([f64; D]) -> [f64; D],
+        vectors: impl Fn([f64; D]) -> [f64; D],
+    ) -> Self {
+        Self {
+            middle: places(self.middle),
+            normal: vectors(self.normal),
+            ..*self
+        }
+    }
+
     /// Whether this facet and another one are the two sides of a wall.
     pub(in super::super) fn is_between(&self, other: &Self) -> bool {
         self.ends_at(other) || other.ends_at(self)

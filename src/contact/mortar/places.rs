@@ -584,6 +584,7 @@ impl<const D: usize> Sums<D> {
             partners,
             directed,
             further: Vec::new(),
+            sectors: None,
             frame,
             // ψ has negative parts, so the mean of a nonnegative gap may be negative, by O(h²).
             gap: if options.rest.is_some() || (self.overlaps && options.may_overlap()) {

@@ -48,6 +48,7 @@ where
             None => smooth_parts(facets, &at_nodes, options.edge_angle),
             Some(rest) => smooth_parts_of(rest, facets, options.edge_angle)?,
         };
+        let part = joined_parts(options.rest.unwrap_or(mesh), facets, part, options);
         let mut normals: HashMap<(u32, u32), [f64; D]> = HashMap::new();
         for ((facet, at_nodes), &part) in facets.iter().zip(&at_nodes).zip(&part) {
             let (corners, len) = mesh.corners_of(facet);
@@ -174,6 +175,47 @@ where
         .map(|facet| normals_at_nodes(mesh, facet, mesh.facet_normal(facet).1))
         .collect::<Result<_, _>>()?;
     Ok(smooth_parts(facets, &at_nodes, edge_angle))
+}
+
+/// The smooth part of each facet where parts go on beyond a side of a sector: at other nodes of the same mesh, which no turn takes there.
+fn joined_parts<const D: usize>(
+    mesh: &Mesh<D>,
+    facets: &[Facet<D>],
+    part: Vec<u32>,
+    options: &PairOptions<D>,
+) -> Vec<u32>
+where
+    ElementKind: Topology<D>,
+{
+    let (Some(seams), Some(_)) = (options.seams, options.around) else {
+        return part;
+    };
+    let is_still = |turn: &[[f64; D]; D]| (0..D).all(|c| turn[c][c] == 1.0);
+    let mut at: HashMap<u32, Vec<(u32, [f64; D])>> = HashMap::new();
+    for (facet, part) in facets.iter().zip(&part) {
+        let normal = mesh.facet_normal(facet).1;
+        for node in facet_nodes(facet) {
+            at.entry(*node).or_default().push((*part, normal));
+        }
+    }
+    let least = options.edge_angle.to_radians().cos() - 1e-9;
+    let count = part.iter().map(|part| part + 1).max().unwrap_or(0);
+    let mut groups = Groups::new(count as usize);
+    for (node, beyond) in seams {
+        let here = at.get(node).into_iter().flatten();
+        for (part, normal) in here {
+            let beyond = beyond.iter().filter(|(_, _, turn)| is_still(turn));
+            for (other, there) in beyond.filter_map(|(other, ..)| at.get(other)).flatten() {
+                if dot(*normal, *there) >= least {
+                    groups.join(*part, *other);
+                }
+            }
+        }
+    }
+    let numbers = groups.numbers().1;
+    part.into_iter()
+        .map(|part| numbers[part as usize])
+        .collect()
 }
 
 /// The part of each facet: neighbours whose normals differ by at most the angle, in degrees, where they meet are in the

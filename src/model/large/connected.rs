@@ -108,7 +108,7 @@ where
                 };
                 let [before, line] = [rest, now].map(|nodes| line(nodes));
                 let mut place = places[0].clone();
-                place.place = place.mean(|node| now[node as usize]);
+                place.place = place.mean_place(now);
                 // Ends in one place have no line.
                 if length(line) > f64::EPSILON * length(before) {
                     place.frame[0] = unit(line);

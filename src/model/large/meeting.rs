@@ -217,14 +217,15 @@ where
         mesh
     }
 
-    /// How far the sides of a place have moved against each other, or with positions for u, are apart. Where nodes are held, it is
-    /// measured along each of these directions as the row along it says, because the forces act on the same nodes.
-    fn apart(place: &ContactPlace<D>, frame: &[[f64; D]; D], u: &[[f64; D]]) -> [f64; D] {
+    /// How far the sides of a place are apart, where nodes have these positions. Where some are held, it is measured along each of these
+    /// directions as the row along it says, because the forces act on the same nodes.
+    fn apart(place: &ContactPlace<D>, frame: &[[f64; D]; D], nodes: &[[f64; D]]) -> [f64; D] {
         let between = |a: usize| {
             let mut sum = [0.0; D];
             for (side, sign) in place.sides(a).into_iter().zip([1.0, -1.0]) {
                 for &(node, weight) in side {
-                    (0..D).for_each(|c| sum[c] += sign * weight * u[node as usize][c]);
+                    let x = place.place_of(node, nodes);
+                    (0..D).for_each(|c| sum[c] += sign * weight * x[c]);
                 }
             }
             sum
@@ -254,15 +255,19 @@ where
             return [0.0; D];
         }
         let partners = place.partners.iter();
-        let beside = partners.filter_map(|(node, _)| around.get(node));
-        let nodes: BTreeSet<u32> = beside.flatten().copied().collect();
+        let beside = partners.filter_map(|&(image, _)| {
+            let nodes = around.get(&place.node_of(image))?.iter();
+            Some(nodes.map(move |&node| place.beside(image, node)))
+        });
+        let nodes: BTreeSet<u32> = beside.flatten().collect();
         if nodes.is_empty() {
             return [0.0; D];
         }
         let (rest, now): (Vec<_>, Vec<_>) = nodes
             .into_iter()
-            .map(|node| {
-                let (x, u) = (self.mesh.nodes[node as usize], u[node as usize]);
+            .map(|image| {
+                let x = place.place_of(image, &self.mesh.nodes);
+                let u = place.turned_to(image, u[place.node_of(image) as usize]);
                 (x, from_fn(|c| x[c] + u[c]))
             })
             .unzip();
@@ -286,7 +291,7 @@ where
     /// A place without forces and slip.
     fn touch(&self, place: ContactPlace<D>, pair: u32, nodes: &[[f64; D]]) -> Touch<D> {
         Touch {
-            rest: place.mean(|node| self.mesh.nodes[node as usize]),
+            rest: place.mean_place(&self.mesh.nodes),
             apart: Self::apart(&place, &place.frame, nodes),
             distance: 0.0,
             measured: 0.0,
@@ -630,8 +635,10 @@ where
             };
             let mut nodes: BTreeSet<u32> = pair.own_nodes(&self.mesh, data).into_iter().collect();
             for touch in of_pair(touches, number) {
-                for (node, _) in &touch.place.own {
-                    nodes.remove(node);
+                let own = touch.place.own.iter();
+                for node in own.flat_map(|&(node, _)| touch.place.nodes_of(node, moved.nodes.len()))
+                {
+                    nodes.remove(&node);
                 }
             }
             let nodes: Vec<u32> = nodes.into_iter().collect();
@@ -654,12 +661,11 @@ where
     ) -> bool {
         let sides = || data.facets.iter().chain(&data.others).map(facet_nodes);
         let mut nodes: BTreeSet<u32> = sides().flatten().copied().collect();
-        for (node, _) in touches
-            .iter()
-            .flat_map(|touch| touch.place.sides(0))
-            .flatten()
-        {
-            nodes.remove(node);
+        for place in touches.iter().map(|touch| &touch.place) {
+            let all = place.sides(0).into_iter().flatten();
+            for node in all.flat_map(|&(node, _)| place.nodes_of(node, moved.nodes.len())) {
+                nodes.remove(&node);
+            }
         }
         let body_of = |node: u32| self.sliding.body_of[node as usize];
         let bodies: BTreeSet<u32> = sides().map(|nodes| body_of(nodes[0])).collect();

@@ -123,7 +123,8 @@ where
                 let sides = touch.place.sides(0);
                 for ((forces, side), sign) in forces.iter_mut().zip(sides).zip([-1.0, 1.0]) {
                     for &(node, weight) in side {
-                        let sum = forces.entry(node).or_insert([0.0; D]);
+                        let nu = touch.place.back(node, nu);
+                        let sum = forces.entry(touch.place.node_of(node)).or_insert([0.0; D]);
                         (0..D).for_each(|c| sum[c] += sign * weight * pressing * nu[c]);
                     }
                 }

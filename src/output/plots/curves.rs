@@ -130,7 +130,7 @@ fn along(elastic: &Elastic, pair: usize) -> (&'static str, Places) {
                 return Some((0, here.place[c], i));
             }
             let most = here.own.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-            let mut at = *begin.get(&most.0)?;
+            let mut at = *begin.get(&here.node_of(most.0))?;
             if let (None, &[(a, _), (b, part)]) = (here.node, &here.own[..]) {
                 // On the edge between two nodes, whichever is the first of them.
                 for (from, to, part) in [(a, b, part), (b, a, 1.0 - part)] {

@@ -166,7 +166,7 @@ impl Scene<'_> {
         for (state, _, _, fill) in legend::states(self.bodies.contact) {
             let here = (places.iter().enumerate())
                 .filter(|&(i, _)| self.bodies.contact.status[i] == state)
-                .map(|(_, place)| place.mean(|node| self.bodies.moved[node as usize]));
+                .map(|(_, place)| place.mean_place(&self.bodies.moved));
             let dot = |x: [f64; 2]| {
                 let [x, y] = self.place(x);
                 format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\"/>")
