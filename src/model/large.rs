@@ -763,10 +763,20 @@ where
         of.least_volume()
     }
 
-    /// Supports that drive nodes without any freedom into an obstacle.
+    /// Supports that drive nodes without any freedom into an obstacle, or across the only direction of their friction.
     pub(crate) fn check_driven(&self, at: &Configuration<D>) -> Result<(), ModelError> {
+        /// Distances below this part of the coordinates are rounding, or what is left of motions.
+        const NOTHING: f64 = 1e-9;
         let failed = |error| Entity::all(EntityKind::Support).error(Fault::Contact(error));
-        at.contact.check(&at.left).map_err(failed)
+        let least = NOTHING * norm_max(&at.sizes);
+        let slips = (at.contact.numbered()).flat_map(|(_, i, place)| {
+            let slip = at.touches[i].slip;
+            (place.frame[1..].iter()).map(move |tangent| dot(slip, *tangent))
+        });
+        let slips: Vec<f64> = slips.collect();
+        at.contact
+            .check_moved(&at.left, &slips, least)
+            .map_err(failed)
     }
 }
 

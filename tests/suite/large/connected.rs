@@ -21,7 +21,7 @@ use std::array::from_fn;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A rotation of space by a vector, by the formula of Rodrigues.
-fn turned(x: [f64; 3], by: [f64; 3]) -> [f64; 3] {
+pub fn turned(x: [f64; 3], by: [f64; 3]) -> [f64; 3] {
     let angle = length(&by);
     let axis = by.map(|v| v / angle);
     let cross = [
