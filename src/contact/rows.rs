@@ -542,12 +542,12 @@ impl<const D: usize> ContactRows<D> {
         }
     }
 
-    /// The same where bodies have moved, and `left` is hardly more than rounding: `slips` are those of rows of T so far, and distances
-    /// below `least` count as zero.
+    /// The same where bodies have moved by the prescribed `moves`, and those `left` are hardly more than rounding: distances below `least`
+    /// count as zero. `slides` says which rows of T slide under pressure.
     pub(crate) fn check_moved(
         &self,
-        left: &Unknowns<D>,
-        slips: &[f64],
+        [moves, left]: [&Unknowns<D>; 2],
+        slides: impl Fn(usize) -> bool,
         least: f64,
     ) -> Result<(), ContactError> {
         for (_, place, gap, held) in &self.fixed {
@@ -558,7 +558,7 @@ impl<const D: usize> ContactRows<D> {
             }
         }
         let mut driven = self.along_one.iter().filter(|(_, row, held, rest)| {
-            *rest == 0.0 && !held.is_empty() && slips[*row].abs() > least
+            *rest == 0.0 && motion(held, moves).abs() > least && slides(*row)
         });
         match driven.next() {
             Some((place, ..)) => Err(ContactError::DrivenAlong {
