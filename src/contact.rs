@@ -179,7 +179,12 @@ where
         }
         let gap = self.gap.map_or(distance, |gap| gap(x));
         let counts = gap.abs() <= rounding.max(self.adjust) || self.touching && gap < 0.0;
-        (if counts { 0.0 } else { gap }) + self.offset
+        match gap + self.offset {
+            _ if counts => self.offset,
+            // The offset closes it.
+            rest if rest.abs() <= rounding => 0.0,
+            rest => rest,
+        }
     }
 
     /// The place in the first sector of one on a facet, for fields.

@@ -313,7 +313,7 @@ where
                     return Ok(Err(Ended::Lost(Vec::new())));
                 }
                 if off <= tolerance {
-                    self.elastic.check_driven(&at)?;
+                    self.elastic.check_driven(before, moments[1], &at)?;
                     match self.elastic.is_pierced(&now, &at.touches, moments[1]) {
                         Ok(false) => {}
                         Err(error) if !error.is_folded() => return Err(error.into()),

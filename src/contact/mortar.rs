@@ -336,7 +336,7 @@ impl Mortar<3> for ElementKind {
 
 /// The cosine between outward normals of boundaries that face each other is below this.
 const FACING: f64 = -0.1;
-/// Vertices this near to a corner or an edge of their facet, in its size, are there.
+/// Vertices this near to a corner or an edge of their facet, in its size, are there, unless bodies move.
 const SAME: f64 = 1e-9;
 /// The same relative to the least width of the covered part: places of a needle stay separate.
 const SAME_OF_WIDTH: f64 = 1e-2;
@@ -634,6 +634,12 @@ impl<const D: usize> SlaveFacet<D> {
             true => MISSED,
             false => bend.clamp(SAME, MISSED),
         }
+    }
+
+    /// Vertices this near to a corner or an edge are there, in its size. Where bodies move, that is as far as a neighbour may be missed
+    /// that counts as wholly covered: they have the corner in common.
+    fn same(&self) -> f64 {
+        if self.moves { MISSED } else { SAME }
     }
 }
 

@@ -50,9 +50,9 @@ pub struct ContactRows<const D: usize = 2> {
     fixed: Vec<(usize, Location, f64, Vec<Held>)>,
     /// Rows of tied places with an entirely prescribed relative motion of both sides: the row of N or T, the place, and that motion.
     fixed_ties: Vec<([usize; 2], Location, Vec<Held>)>,
-    /// In space: nodes with friction along one tangent only, the motion that supports prescribe along the other, and its
-    /// tolerance.
-    along_one: Vec<(Location, Vec<Held>, f64)>,
+    /// In space: nodes with friction along one tangent only, the row of T of the other one, the motion that supports prescribe along
+    /// that, and its tolerance.
+    along_one: Vec<(Location, usize, Vec<Held>, f64)>,
 }
 
 /// Writes the rows of contact places.
@@ -174,7 +174,7 @@ where
                 Some(motion) => (motion, KEPT),
                 None => (&held[1][row], 0.0),
             };
-            along_one.push((place.place.into(), motion.clone(), rest));
+            along_one.push((place.place.into(), row, motion.clone(), rest));
         }
         let (given, mu) = match place.slip_bound {
             SlipBound::Tied => (TIED, 0.0),
@@ -534,11 +534,37 @@ impl<const D: usize> ContactRows<D> {
             }
         }
         let mut driven = self.along_one.iter();
-        let is_off = |(_, held, rest): &&(Location, Vec<Held>, f64)| {
+        let is_off = |(_, _, held, rest): &&(Location, usize, Vec<Held>, f64)| {
             let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
             motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
         };
         match driven.find(is_off) {
+            Some((place, ..)) => Err(ContactError::DrivenAlong {
+                place: place.clone(),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// The same where bodies have moved by the prescribed `moves`, and those `left` are hardly more than rounding: distances below `least`
+    /// count as zero. `slides` says which rows of T slide under pressure.
+    pub(crate) fn check_moved(
+        &self,
+        [moves, left]: [&Unknowns<D>; 2],
+        slides: impl Fn(usize) -> bool,
+        least: f64,
+    ) -> Result<(), ContactError> {
+        for (_, place, gap, held) in &self.fixed {
+            let depth = motion(held, left) - gap;
+            if depth > least {
+                let place = place.clone();
+                return Err(ContactError::Driven { place, depth });
+            }
+        }
+        let mut driven = self.along_one.iter().filter(|(_, row, held, rest)| {
+            *rest == 0.0 && motion(held, moves).abs() > least && slides(*row)
+        });
+        match driven.next() {
             Some((place, ..)) => Err(ContactError::DrivenAlong {
                 place: place.clone(),
             }),

@@ -230,12 +230,17 @@ impl<const D: usize> ContactPlace<D> {
 
     /// Where one of its nodes is, from the places of the nodes of the mesh.
     pub(crate) fn place_of(&self, image: u32, nodes: &[[f64; D]]) -> [f64; D] {
+        self.place_at(image, |node| nodes[node as usize])
+    }
+
+    /// The same, from a function of the nodes of the mesh.
+    pub(crate) fn place_at(&self, image: u32, at: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         match &self.sectors {
             Some(all) if image >= all.nodes => {
                 let (node, k) = all.of(image);
-                all.carried(nodes[node as usize], k)
+                all.carried(at(node), k)
             }
-            _ => nodes[image as usize],
+            _ => at(image),
         }
     }
 

@@ -694,7 +694,7 @@ where
         }
     }
 
-    /// The contact places of two bodies that have moved, as those of `rest` have; none where they are too far from each other.
+    /// The contact places of two bodies that have moved, as those of `rest` have; none where they are farther from each other than a distance.
     /// Of a boundary that meets itself, `before` has the roles of facets ([`Itself`]).
     pub(super) fn meet_moved(
         &self,
@@ -702,13 +702,14 @@ where
         data: &PairData<D>,
         rest: &Mesh<D>,
         sliding: &Sliding<D>,
+        distance: f64,
         before: &[i32],
     ) -> Result<Vec<ContactPlace<D>>, ContactError> {
         let law = |x| self.law.at(x);
         let [normal, tangential] = (self.stiffness.both())
             .map(|stiffness| move |x| stiffness.map_or(f64::NAN, |k| k.at(x)));
         let options = PairOptions {
-            search_distance: Some(data.search_distance),
+            search_distance: Some(distance),
             moves: true,
             rest: Some(rest),
             walls: &data.walls,

@@ -763,10 +763,27 @@ where
         of.least_volume()
     }
 
-    /// Supports that drive nodes without any freedom into an obstacle.
-    pub(crate) fn check_driven(&self, at: &Configuration<D>) -> Result<(), ModelError> {
+    /// Supports that drive nodes without any freedom into an obstacle, or across the only direction of their friction.
+    pub(crate) fn check_driven(
+        &self,
+        before: &Deformation<D>,
+        to: &Moment<D>,
+        at: &Configuration<D>,
+    ) -> Result<(), ModelError> {
+        /// Distances below this part of the coordinates are rounding, or what is left of motions.
+        const NOTHING: f64 = 1e-9;
         let failed = |error| Entity::all(EntityKind::Support).error(Fault::Contact(error));
-        at.contact.check(&at.left).map_err(failed)
+        let least = NOTHING * norm_max(&at.sizes);
+        let slides = |row: usize| {
+            let (place, along) = (row / (D - 1), 1 + row % (D - 1));
+            let touch = &at.touches[at.contact.candidate[place]];
+            let slip = dot(touch.slip, at.contact.places[place].frame[along]);
+            at.lambda[place] > 0.0 && slip.abs() > least
+        };
+        let moves = to.unknowns.left_of(&before.displacement);
+        at.contact
+            .check_moved([&moves, &at.left], slides, least)
+            .map_err(failed)
     }
 }
 

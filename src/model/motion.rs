@@ -16,7 +16,7 @@ pub(crate) struct Turn<const D: usize> {
         deserialize_with = "stated::point",
         serialize_with = "<[f64] as Serialize>::serialize"
     )]
-    point: [f64; D],
+    pub(super) point: [f64; D],
     /// Of any length; in space only.
     #[serde(default, deserialize_with = "stated::axis::<_, D>")]
     axis: Option<[f64; 3]>,

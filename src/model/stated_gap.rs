@@ -56,7 +56,14 @@ where
             }
             let failed = |error| pair.entity(number).error(Fault::Contact(error));
             let drawn = pair
-                .meet_moved(body, data, body.mesh, &found.sliding, &[])
+                .meet_moved(
+                    body,
+                    data,
+                    body.mesh,
+                    &found.sliding,
+                    data.search_distance,
+                    &[],
+                )
                 .map_err(failed)?;
             let [begin, end] = [number, number + 1]
                 .map(|number| found.pair_of.partition_point(|&of| (of as usize) < number));

@@ -12,6 +12,7 @@ use crate::mesh::{
     Element, ElementKind, Facet, FacetPoint, Location, Mesh, Topology, facet_corners, facet_nodes,
 };
 use crate::problem::{LARGEST, SIZES, is_sized};
+use crate::rounding::ROUNDING;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
@@ -552,10 +553,13 @@ where
         let mut prescribed = vec![[None; D]; mesh.nodes.len()];
         for p in &prescriptions.all {
             let factor = factors[p.support];
-            let turned = self.supports[p.support].rotate.map_or(0.0, |turn| {
-                let x = mesh.nodes[p.node as usize];
+            let turn = self.supports[p.support].rotate;
+            let x = mesh.nodes[p.node as usize];
+            let turned = turn.map_or(0.0, |turn| {
                 dot(p.way.vector(), minus(turn.at(x, factor), x))
             });
+            // A turn has the rounding of coordinates.
+            let rounding = turn.map_or(0.0, |turn| ROUNDING * (length(x) + length(turn.point)));
             let value = factor * p.value + turned;
             let here = &mut prescribed[p.node as usize];
             let place = Location::from(mesh.nodes[p.node as usize]);
@@ -563,7 +567,9 @@ where
                 format!("the displacement is {value} at {place}")
             } else if value.abs() > LARGEST {
                 format!("the displacement is {value:e} at {place}: {SIZES}")
-            } else if let Err(way) = set(here, p, prescriptions.frames.get(&p.node), value) {
+            } else if let Err(way) =
+                set(here, p, prescriptions.frames.get(&p.node), value, rounding)
+            {
                 format!("two supports prescribe different displacements in {way} at {place}")
             } else {
                 continue;
@@ -591,15 +597,17 @@ where
     std::array::from_fn(|c| place(c) / area)
 }
 
-/// Prescribes a value at a node; returns the direction if that contradicts an earlier value.
+/// Prescribes a value at a node, with its rounding; returns the direction if that contradicts an earlier value.
 fn set<const D: usize>(
     here: &mut [Option<f64>; D],
     p: &Prescription<D>,
     frame: Option<&[[f64; D]; D]>,
     value: f64,
+    rounding: f64,
 ) -> Result<(), String> {
-    let differ =
-        |a: f64, b: f64, tolerance: f64| (a - b).abs() > tolerance * f64::max(a.abs(), b.abs());
+    let differ = |a: f64, b: f64, tolerance: f64| {
+        (a - b).abs() > tolerance * f64::max(a.abs(), b.abs()) + rounding
+    };
     let (Some(frame), vector) = (frame, p.way.vector()) else {
         let component = p.component.expect("an axis");
         return match here[component].replace(value) {
@@ -620,7 +628,9 @@ fn set<const D: usize>(
             here[component] = Some((value - known) / parts[component]);
             Ok(())
         }
-        None if (value - known).abs() <= 1e-12 * value.abs() + 2.0 * SAME * size => Ok(()),
+        None if (value - known).abs() <= 1e-12 * value.abs() + 2.0 * SAME * size + rounding => {
+            Ok(())
+        }
         None => Err(match p.way {
             Way::Axis(axis) => AXES[axis].to_owned(),
             Way::Along(way) => format!("direction {}", Location::from(way)),

@@ -4,6 +4,7 @@ use super::OfBodies;
 use crate::contact::Space;
 use crate::elasticity::Deformed;
 use crate::mesh::ElementKind;
+use crate::rigid::{self, Rotation};
 use serde::Serialize;
 
 /// Strain energy and work in a load step, in the unit of force times that of length; in the plane of the whole thickness, around an axis of
@@ -11,7 +12,7 @@ use serde::Serialize;
 ///
 /// Work is that of the mean of the forces at the beginning and at the end of the step (trapezoidal rule). Where displacements are
 /// small, the strain energy has changed by the sum of all work. Where they are large, the difference is of third order in the length
-/// of the step. Friction that begins or turns round within a step does half of its work or none by this rule: its dissipation is
+/// of the step. There, couplings do the work of the forces and moments at their points, and none on the shape of their nodes. Friction that begins or turns round within a step does half of its work or none by this rule: its dissipation is
 /// [`ContactReport::slipping_work`](super::ContactReport::slipping_work).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EnergyReport {
@@ -57,6 +58,35 @@ pub(crate) struct NodalForces<const D: usize> {
     pub supports: Vec<[f64; D]>,
     /// Of contacts and joints.
     pub contacts: Vec<[f64; D]>,
+    /// Where displacements are large, of points of couplings. They have no part in the others: where bodies turn by much, forces on nodes
+    /// that hold each other would do work in a step.
+    pub points: Vec<PointMotion>,
+}
+
+/// A motion of a point, along an axis or about it in rad.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PointMotion {
+    pub pair: u32,
+    pub component: usize,
+    pub motion: f64,
+    /// Those of the load and of the joint: forces or moments.
+    pub forces: [f64; 2],
+}
+
+/// How far the motions of one point have gone since those `before`, which are zero at rest. Rotations go on from where they were.
+fn gone_on<const D: usize>(now: &[PointMotion], before: &[PointMotion]) -> Vec<f64> {
+    let from: Vec<f64> = (0..now.len())
+        .map(|k| before.get(k).map_or(0.0, |before| before.motion))
+        .collect();
+    let to: Vec<f64> = now.iter().map(|point| point.motion).collect();
+    let mut far: Vec<f64> = to.iter().zip(&from).map(|(to, from)| to - from).collect();
+    let first = now.partition_point(|point| point.component < D);
+    if now.len() - first == rigid::count(D) - D {
+        let [to, from] = [to, from].map(|all| Rotation::<D>::by(&all[first..]));
+        let turn = to.after_back(&from).vector_near(&far[first..]);
+        far.splice(first.., turn);
+    }
+    far
 }
 
 /// Displacements and forces at the end of the step before, D numbers a node; empty if that is the state at rest.
@@ -65,6 +95,7 @@ pub(super) struct Before {
     displacement: Vec<f64>,
     /// Of loads, supports and contacts.
     forces: [Vec<f64>; 3],
+    points: Vec<PointMotion>,
 }
 
 /// The energy of the first so many nodes, and the work on them since `before`, which becomes the present state. None where
@@ -86,6 +117,7 @@ where
     let now = Before {
         displacement: flat(displacement),
         forces: [forces.loads, forces.supports, forces.contacts].map(|all| flat(&all)),
+        points: forces.points,
     };
     let at = |values: &[f64], i: usize| values.get(i).copied().unwrap_or(0.0);
     let work = |kind: usize| -> f64 {
@@ -94,7 +126,21 @@ where
         each.map(|(i, (force, u))| 0.5 * (force + at(there, i)) * (u - at(&before.displacement, i)))
             .sum()
     };
-    let [loads, supports, contacts] = [0, 1, 2].map(work);
+    let [mut loads, supports, mut contacts] = [0, 1, 2].map(work);
+    let mut earlier = before.points.as_slice();
+    for points in now.points.chunk_by(|a, b| a.pair == b.pair) {
+        let there;
+        (there, earlier) = earlier.split_at(points.len().min(earlier.len()));
+        for (k, (point, far)) in points.iter().zip(gone_on::<D>(points, there)).enumerate() {
+            let at_begin = there.get(k).map_or([0.0; 2], |point| point.forces);
+            for (work, (force, there)) in [&mut loads, &mut contacts]
+                .into_iter()
+                .zip(point.forces.iter().zip(at_begin))
+            {
+                *work += 0.5 * (force + there) * far;
+            }
+        }
+    }
     let strain = match of.elastic.is_large() {
         true => {
             let body = of.elastic.body();

@@ -1,6 +1,6 @@
 //! The forces of contacts and supports at the end of a step: resultants, moments, work.
 
-use super::energy::NodalForces;
+use super::energy::{NodalForces, PointMotion};
 use super::{NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::elasticity::{Deformed, Plane, Temperature, internal_forces};
@@ -360,7 +360,13 @@ where
         loads: data.forces.clone(),
         supports: at_rest.clone(),
         contacts: at_rest,
+        points: Vec::new(),
     };
+    let is_of_point = |row: usize| {
+        let kind = elastic.pairs[elastic.pair_of[row] as usize].kind;
+        elastic.is_large() && kind == EntityKind::Coupling
+    };
+    let mut by_points = all.contacts.clone();
     // Rows of supports report what they carry by themselves.
     let mut by_rows = all.supports.clone();
     let (normal, tangential) = solution.lambda.split_at(elastic.contact.places.len());
@@ -369,6 +375,7 @@ where
         let pair = elastic.pair_of[row] as usize;
         let to = match elastic.pairs[pair].kind {
             EntityKind::Support => &mut by_rows,
+            _ if is_of_point(row) => &mut by_points,
             _ => &mut all.contacts,
         };
         let forces = std::iter::once(normal).chain(tangential);
@@ -416,7 +423,7 @@ where
     };
     for &(node, c, number) in &elastic.held {
         let node_of = node as usize;
-        let outer = [&all.loads, &all.contacts, &by_rows].map(|forces| forces[node_of]);
+        let outer = [&all.loads, &all.contacts, &by_rows, &by_points].map(|forces| forces[node_of]);
         let rest = outer.into_iter().fold(inner[node_of], minus);
         let mut force = [0.0; D];
         match data.unknowns.frame(node) {
@@ -436,6 +443,22 @@ where
     }
     for (node, number, taken) in data.unknowns.bedding().forces(displacement) {
         carry(node, number, taken.map(|f| -f));
+    }
+    for driven in data.driven.iter().filter(|driven| is_of_point(driven.row)) {
+        let (row, pair) = (driven.row, elastic.pair_of[driven.row]);
+        let first = elastic.pair_of.partition_point(|&other| other < pair);
+        let drive = &elastic.pairs[pair as usize].drives[row - first];
+        let (component, size) = (drive.component, drive.size);
+        all.points.push(PointMotion {
+            pair,
+            component,
+            motion: (driven.motion.unwrap_or(0.0) - of.contact.gap[row]) / size,
+            forces: [driven.force, -normal[row]].map(|force| force * size),
+        });
+        for (node, way) in elastic.contact.places[row].terms(0) {
+            let load = &mut all.loads[node as usize];
+            (0..D).for_each(|c| load[c] -= driven.force * way[c]);
+        }
     }
     (supports, all)
 }

@@ -365,3 +365,43 @@ fn arcs_overlap_as_drawn() {
         .expect("a hint");
     assert!(told.contains("state the gap or the interference"), "{told}");
 }
+
+/// A coating that fills the gap of the drawing exactly, in any direction: rounding is no overlap.
+#[test]
+fn an_offset_may_close_the_gap() {
+    for turn in 0..20 {
+        let (sin, cos) = (0.17 * f64::from(turn)).sin_cos();
+        let way = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
+        let part = |low: [f64; 2], cells: [usize; 2], name: &str| {
+            rectangle(
+                low,
+                [1.0, 0.5],
+                cells,
+                CellShape::Quad,
+                name,
+                &format!("{name}-"),
+            )
+        };
+        let mut mesh = join(
+            part([0.0; 2], [3, 2], "low"),
+            part([0.0, 0.55], [4, 2], "up"),
+        );
+        mesh.nodes.iter_mut().for_each(|x| *x = way(*x));
+        let floor = Obstacle::HalfSpace {
+            point: way([0.0, -0.05]),
+            normal: way([0.0, 1.0]),
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .contact(base().offset(-0.05))
+            .contact(Pair::obstacle("low-bottom", floor).offset(-0.05))
+            .traction(Traction::on("up-top").pressure(1.0));
+        for model in [model.clone(), model.large_displacements()] {
+            let built = model
+                .build()
+                .unwrap_or_else(|error| panic!("{turn}: {error}"));
+            let places = &built.elastic.contact.places;
+            assert!(places.iter().all(|place| place.gap == 0.0), "{turn}");
+        }
+    }
+}

@@ -374,7 +374,7 @@ pub(super) fn covers(
             let hull = Hull::around(corners.collect(), SAME * area(&outline).sqrt());
             let (hull, sites) = {
                 let missed = slave.missed(own.bend().unwrap_or(0.0));
-                places(&outline, face_ring(own.len), missed, hull)
+                places(&outline, face_ring(own.len), [missed, slave.same()], hull)
             };
             // The whole facet, with places only at its corners.
             let (hull, sites) = match sites {
@@ -491,8 +491,14 @@ fn connected<'p>(pieces: &'p [Piece], near: &[MasterFacet<3>]) -> Vec<Vec<&'p Pi
 }
 
 /// The vertices of the covered part and their sites on the facet with this outline, whose nodes are `ring`. The part
-/// `missed` of its size may be missed. The sites of a wholly covered one are None: its vertices are its nodes.
-fn places(outline: &[Flat], ring: &[usize], missed: f64, hull: Hull) -> (Hull, Option<Vec<Site>>) {
+/// `missed` of its size may be missed, and vertices `same` of it away from a corner or an edge are there. The sites of a wholly covered one are
+/// None: its vertices are its nodes.
+fn places(
+    outline: &[Flat],
+    ring: &[usize],
+    [missed, same]: [f64; 2],
+    hull: Hull,
+) -> (Hull, Option<Vec<Site>>) {
     let size = area(outline).sqrt();
     let near = |p: Flat, q: Flat, same: f64| length(minus(p, q)) <= same;
     // Curved facets hardly ever have a border just where another one has it.
@@ -501,7 +507,7 @@ fn places(outline: &[Flat], ring: &[usize], missed: f64, hull: Hull) -> (Hull, O
         return (hull, None);
     }
     let hull = hull.simplified();
-    let same = (SAME * size).min(SAME_OF_WIDTH * hull.width());
+    let same = (same * size).min(SAME_OF_WIDTH * hull.width());
     let site = |&v: &Flat| {
         if let Some(at) = outline.iter().position(|&p| near(p, v, same)) {
             return Site::Node(ring[at]);

@@ -2,7 +2,7 @@
 //! of averaged normals of the slave boundary.
 
 use super::{
-    CONVERGED, Cover, IntegrationPoint, MISSED, MasterFacet, SAME, SAME_OF_WIDTH, Site, SlaveFacet,
+    CONVERGED, Cover, IntegrationPoint, MISSED, MasterFacet, SAME_OF_WIDTH, Site, SlaveFacet,
     Vertex,
 };
 use crate::contact::transformed::Transformed;
@@ -137,7 +137,7 @@ pub(super) fn covers(
     };
     for segments in segments.chunk_by(connected) {
         let (from, to) = (segments[0].1, segments[segments.len() - 1].2);
-        let same = SAME.min(SAME_OF_WIDTH * (to - from));
+        let same = slave.same().min(SAME_OF_WIDTH * (to - from));
         let missed = match bend {
             None if !slave.moves => same,
             bend => slave.missed(bend.unwrap_or(0.0)),

@@ -4,7 +4,7 @@
 //! A place on an obstacle stays the same. Where two bodies meet, places are made again from both boundaries as they
 //! are. Those that are nearest to each other on the body at rest carry forces and slip from one configuration to the
 //! next. Slip is measured between the nodes of a place and those that were opposite to them at the end of the last load
-//! step. So bodies that turn together do not slip.
+//! step; where none were, between those that are opposite now. So bodies that turn together do not slip.
 
 use super::super::contacts::PairData;
 use super::super::driven::Driven;
@@ -75,6 +75,21 @@ pub(crate) struct Touch<const D: usize> {
 impl<const D: usize> Touch<D> {
     fn normal(&self) -> [f64; D] {
         self.place.frame[0]
+    }
+
+    /// What it has in common with another one of the same place: first a node of its side, then the smooth part of its boundary, then a
+    /// node that it meets, then the normal.
+    fn likeness(&self, other: &Self) -> (bool, bool, bool, f64) {
+        let share = |a: &[(u32, f64)], b: &[(u32, f64)]| {
+            a.iter().any(|of| b.iter().any(|other| of.0 == other.0))
+        };
+        let (own, there) = (&self.place, &other.place);
+        (
+            share(&own.own, &there.own),
+            own.part == there.part,
+            share(&own.partners, &there.partners),
+            dot(self.normal(), other.normal()),
+        )
     }
 
     /// The force with these directions for its own.
@@ -169,38 +184,84 @@ const ONE_POINT: f64 = 1e-9;
 /// Places of a pair, by where they were at rest.
 struct Earlier<'t, const D: usize> {
     touches: &'t [Touch<D>],
+    /// The body of each node.
+    body_of: &'t [u32],
     tree: RTree<GeomWithData<[f64; D], usize>>,
     /// Points are one up to this distance.
     same: f64,
 }
 
 impl<'t, const D: usize> Earlier<'t, D> {
-    fn new(touches: &'t [Touch<D>]) -> Self {
+    fn new(touches: &'t [Touch<D>], body_of: &'t [u32]) -> Self {
         let all = touches.iter().enumerate();
         let all = all.map(|(i, touch)| GeomWithData::new(touch.rest, i));
         let coordinates = touches.iter().flat_map(|touch| touch.rest);
         Self {
             touches,
+            body_of,
             tree: RTree::bulk_load(all.collect()),
             same: ONE_POINT * coordinates.fold(0.0, |most: f64, x| most.max(x.abs())),
         }
     }
 
-    /// The nearest within a distance; of several at one point, as at edges of the body, the one with the nearest normal.
-    fn nearest(&self, rest: [f64; D], normal: [f64; D], within: f64) -> Option<usize> {
-        let mut best: Option<(f64, f64, usize)> = None;
-        for near in self.tree.nearest_neighbor_iter(rest) {
-            let far = length(minus(*near.geom(), rest));
+    /// The nearest of the same body within a distance; of several at one point, as at edges of the body or the ends of two sides
+    /// that they meet, the one most like it.
+    fn nearest(&self, touch: &Touch<D>, within: f64) -> Option<usize> {
+        let body =
+            |touch: &Touch<D>| self.body_of[touch.place.node_of(touch.place.own[0].0) as usize];
+        let mut best: Option<(f64, _, usize)> = None;
+        for near in self.tree.nearest_neighbor_iter(touch.rest) {
+            let far = length(minus(*near.geom(), touch.rest));
             let limit = best.map_or(within, |best| best.0 + self.same);
             if far > limit {
                 break;
             }
-            let along = dot(self.touches[near.data].normal(), normal);
-            if best.is_none_or(|best| along > best.1) {
-                best = Some((best.map_or(far, |best| best.0), along, near.data));
+            let other = &self.touches[near.data];
+            if body(other) != body(touch) {
+                continue;
+            }
+            let alike = touch.likeness(other);
+            if best.is_none_or(|best| alike > best.1) {
+                best = Some((best.map_or(far, |best| best.0), alike, near.data));
             }
         }
         best.map(|best| best.2)
+    }
+}
+
+/// The nodes of the facets around each node.
+fn around<const D: usize>(facets: &[Facet<D>]) -> HashMap<u32, Vec<u32>>
+where
+    ElementKind: Space<D>,
+{
+    let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
+    for nodes in facets.iter().map(facet_nodes) {
+        (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
+    }
+    around
+}
+
+/// A vector after the turn of the facets `around` one side of a place, from some positions of the nodes of the mesh to others.
+fn turned_beside<const D: usize>(
+    v: [f64; D],
+    place: &ContactPlace<D>,
+    side: &[(u32, f64)],
+    around: &HashMap<u32, Vec<u32>>,
+    positions: [&dyn Fn(u32) -> [f64; D]; 2],
+) -> [f64; D] {
+    let beside = side.iter().filter_map(|&(image, _)| {
+        let nodes = around.get(&place.node_of(image))?.iter();
+        Some(nodes.map(move |&node| place.beside(image, node)))
+    });
+    let nodes: BTreeSet<u32> = beside.flatten().collect();
+    let shares: Vec<(u32, f64)> = (0..nodes.len() as u32).map(|k| (k, 1.0)).collect();
+    let [from, to] = positions.map(|at| {
+        let all = nodes.iter().map(|&node| place.place_at(node, at));
+        all.collect::<Vec<_>>()
+    });
+    match nodes.is_empty() {
+        true => v,
+        false => Carried::of(&shares, &from, &to, &[]).turn.of(v),
     }
 }
 
@@ -217,14 +278,18 @@ where
         mesh
     }
 
-    /// How far the sides of a place are apart, where nodes have these positions. Where some are held, it is measured along each of these
-    /// directions as the row along it says, because the forces act on the same nodes.
-    fn apart(place: &ContactPlace<D>, frame: &[[f64; D]; D], nodes: &[[f64; D]]) -> [f64; D] {
+    /// How far the sides of a place are apart, where nodes of the mesh are at these positions. Where some are held, it is measured along
+    /// each of these directions as the row along it says, because the forces act on the same nodes.
+    fn apart(
+        place: &ContactPlace<D>,
+        frame: &[[f64; D]; D],
+        at: impl Fn(u32) -> [f64; D],
+    ) -> [f64; D] {
         let between = |a: usize| {
             let mut sum = [0.0; D];
             for (side, sign) in place.sides(a).into_iter().zip([1.0, -1.0]) {
                 for &(node, weight) in side {
-                    let x = place.place_of(node, nodes);
+                    let x = place.place_at(node, &at);
                     (0..D).for_each(|c| sum[c] += sign * weight * x[c]);
                 }
             }
@@ -249,30 +314,15 @@ where
         around: &LazyCell<HashMap<u32, Vec<u32>>, impl FnOnce() -> HashMap<u32, Vec<u32>>>,
         u: &[[f64; D]],
     ) -> [f64; D] {
-        let gap = Self::apart(place, &place.frame, &self.mesh.nodes);
+        let rest = |node: u32| self.mesh.nodes[node as usize];
+        let gap = Self::apart(place, &place.frame, rest);
         // Sides that touch are apart by the rounding of their means.
         if length(gap) <= ROUNDING * length(place.place) {
             return [0.0; D];
         }
-        let partners = place.partners.iter();
-        let beside = partners.filter_map(|&(image, _)| {
-            let nodes = around.get(&place.node_of(image))?.iter();
-            Some(nodes.map(move |&node| place.beside(image, node)))
-        });
-        let nodes: BTreeSet<u32> = beside.flatten().collect();
-        if nodes.is_empty() {
-            return [0.0; D];
-        }
-        let (rest, now): (Vec<_>, Vec<_>) = nodes
-            .into_iter()
-            .map(|image| {
-                let x = place.place_of(image, &self.mesh.nodes);
-                let u = place.turned_to(image, u[place.node_of(image) as usize]);
-                (x, from_fn(|c| x[c] + u[c]))
-            })
-            .unzip();
-        let shares: Vec<(u32, f64)> = (0..rest.len() as u32).map(|k| (k, 1.0)).collect();
-        minus(Carried::of(&shares, &rest, &now, &[]).turn.of(gap), gap)
+        let now = |node: u32| from_fn(|c| rest(node)[c] + u[node as usize][c]);
+        let turned = turned_beside(gap, place, &place.partners, around, [&rest, &now]);
+        minus(turned, gap)
     }
 
     /// Whether forces go to other places, or turn with the line of a spring or with the edge of a surface under pressure, which the
@@ -292,7 +342,7 @@ where
     fn touch(&self, place: ContactPlace<D>, pair: u32, nodes: &[[f64; D]]) -> Touch<D> {
         Touch {
             rest: place.mean_place(&self.mesh.nodes),
-            apart: Self::apart(&place, &place.frame, nodes),
+            apart: Self::apart(&place, &place.frame, |node| nodes[node as usize]),
             distance: 0.0,
             measured: 0.0,
             idle: false,
@@ -351,20 +401,15 @@ where
                     continue;
                 }
                 let begin = met.from.len();
-                self.meet_bodies(moved, [now_of, before_of], moments[1], pair, &mut met)?;
+                let then = &before.displacement;
+                self.meet_bodies(moved, [now_of, before_of], then, moments[1], pair, &mut met)?;
                 (met.from[begin..].iter_mut().flatten()).for_each(|from| *from += first_now);
                 continue;
             }
             let begin = self.candidates.partition_point(|place| place.1 < pair);
             let connected = self.connected(pair, moved, now_of, moments[1])?;
             let is_tie = self.pairs[pair as usize].kind == EntityKind::Tie;
-            let around = LazyCell::new(|| {
-                let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
-                for nodes in self.pairs[pair as usize].others.iter().map(facet_nodes) {
-                    (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
-                }
-                around
-            });
+            let around = LazyCell::new(|| around::<D>(&self.pairs[pair as usize].others));
             for (k, was) in now_of.iter().enumerate() {
                 let mut acts = pair_acts;
                 let rest = &self.candidates[begin + k].0;
@@ -697,6 +742,7 @@ where
         &self,
         moved: &Mesh<D>,
         [now, before]: [&[Touch<D>]; 2],
+        displacement_before: &[[f64; D]],
         to: &Moment<D>,
         pair: u32,
         met: &mut Meeting<D>,
@@ -708,15 +754,15 @@ where
         let (definition, number) = (&self.definition, pair as usize);
         let data = &self.pairs[number];
         let roles = Self::roles(data, now);
-        let found =
-            definition.pairs[number].meet_moved(&body, data, &self.mesh, &self.sliding, &roles);
-        let failed = |error| {
-            definition.pairs[number]
-                .entity(number)
-                .error(Fault::Contact(error))
+        let stated_pair = &definition.pairs[number];
+        let find = |body: &Body<D>, distance: f64, roles: &[i32]| {
+            let found =
+                stated_pair.meet_moved(body, data, &self.mesh, &self.sliding, distance, roles);
+            found.map_err(|error| stated_pair.entity(number).error(Fault::Contact(error)))
         };
-        let places = found.map_err(failed)?;
-        let earlier = [now, before].map(Earlier::new);
+        let places = find(&body, data.search_distance, &roles)?;
+        let body_of = &self.sliding.body_of;
+        let earlier = [now, before].map(|touches| Earlier::new(touches, body_of));
         let stated = &self.sliding.stated[&pair];
         let within = 0.5 * stated.facet;
         // Pool numbers are unique across contacts.
@@ -730,30 +776,72 @@ where
                 touch
             })
             .collect();
-        let near = |earlier: &Earlier<D>, touch: &Touch<D>, within: f64| {
-            earlier.nearest(touch.rest, touch.normal(), within)
-        };
         // A force goes to one place: the nearest. Places keep the order of those whose forces they have.
         let of_now = {
-            let here = Earlier::new(&touches);
+            let here = Earlier::new(&touches, body_of);
             let mutual = touches.iter().enumerate().map(|(i, touch)| {
-                let from = near(&earlier[0], touch, within);
-                from.filter(|&k| near(&here, &now[k], within) == Some(i))
+                let from = earlier[0].nearest(touch, within);
+                from.filter(|&k| here.nearest(&now[k], within) == Some(i))
             });
             mutual.collect::<Vec<_>>()
         };
+        let around = LazyCell::new(|| around::<D>(&data.facets));
+        let here = |node: u32| moved.nodes[node as usize];
+        let at_then = |node: u32| {
+            let at = node as usize;
+            from_fn(|c| self.mesh.nodes[at][c] + displacement_before[at][c])
+        };
+        // Where a boundary meets itself, the nearest one may be across the body.
+        let alike = |from: &Touch<D>, touch: &Touch<D>| {
+            !data.meets_itself() || dot(from.normal(), touch.normal()) > 0.0
+        };
+        let origin = |touch: &Touch<D>| earlier[1].nearest(touch, within).map(|k| &before[k]);
+        // Those of then that were too far for the search, or did not act.
+        let was_away = |touch: &Touch<D>| {
+            let is_new = origin(touch).is_none_or(|origin| !alike(origin, touch));
+            let far = || Self::apart(&touch.place, &touch.place.frame, at_then);
+            is_new && (before.is_empty() || length(far()) > data.search_distance)
+        };
+        let mut afar: Vec<Touch<D>> = Vec::new();
+        if touches.iter().any(was_away) {
+            let then = self.moved(displacement_before);
+            let moves = moved.nodes.iter().zip(&then.nodes);
+            let moves = moves.map(|(x, then)| length(minus(*x, *then)));
+            // Two nodes have come towards each other by no more than both have moved.
+            let distance = data.search_distance + 2.0 * moves.fold(0.0, f64::max);
+            let body = Body {
+                mesh: &then,
+                ..self.body()
+            };
+            let places = find(&body, distance, &Self::roles(data, before))?.into_iter();
+            afar.extend(places.map(|place| self.touch(place, pair, &then.nodes)));
+        }
+        let from_afar = Earlier::new(&afar, body_of);
         for (touch, now_at) in touches.iter_mut().zip(&of_now) {
-            // A place that the other side has come to slips as the nearest one does that was opposite to it.
-            // Where a boundary meets itself, that may be across the body.
-            let from = near(&earlier[1], touch, f64::INFINITY).map(|k| &before[k]);
-            let alike =
-                |from: &&Touch<D>| !data.meets_itself() || dot(from.normal(), touch.normal()) > 0.0;
-            if let Some(origin) = from.filter(alike) {
-                let there = Self::apart(&origin.place, &touch.place.frame, &moved.nodes);
-                let then = turned_with(origin.apart, origin.normal(), touch.normal());
-                touch.slip = minus(there, then);
-            }
-            let origin = near(&earlier[1], touch, within).map(|k| &before[k]);
+            let origin = origin(touch);
+            let opposite = origin.filter(|from| alike(from, touch)).or_else(|| {
+                let from = from_afar.nearest(touch, within).map(|k| &afar[k]);
+                from.filter(|from| alike(from, touch))
+            });
+            let frame = &touch.place.frame;
+            touch.slip = match opposite {
+                Some(opposite) => {
+                    let then = turned_with(opposite.apart, opposite.normal(), touch.normal());
+                    minus(Self::apart(&opposite.place, frame, here), then)
+                }
+                // A place that nothing was opposite to slips as the nodes that are opposite now.
+                None => {
+                    let far = Self::apart(&touch.place, frame, at_then);
+                    let far = turned_beside(
+                        far,
+                        &touch.place,
+                        &touch.place.own,
+                        &around,
+                        [&at_then, &here],
+                    );
+                    minus(touch.apart, far)
+                }
+            };
             touch.carries(now_at.map(|k| &now[k]), origin);
         }
         let mut order: Vec<usize> = (0..touches.len()).collect();

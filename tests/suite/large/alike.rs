@@ -1,14 +1,15 @@
 //! The same bodies, stated in two ways: with an obstacle or a body that is held, with one contact or several, turned or not.
 
+use super::connected::turned;
 use super::elements::length;
-use super::{End, neo_hooke, solved, solved_in_space, tried};
+use super::{End, neo_hooke, solved, solved_in_space, tried, tried_in_space};
 use crate::common::or_panic::OrPanic as _;
 use signorini::contact::Obstacle;
 use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness::Cholesky;
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
-use signorini::model::{Axis, Coupling, Model, Pair, Spring, Support, Traction};
+use signorini::model::{Axis, Coupling, Model, Motion, Pair, Spring, Support, Traction};
 use signorini::ssnm::Status;
 use std::collections::BTreeSet;
 
@@ -357,4 +358,165 @@ fn no_body_is_swallowed() {
             end.status
         );
     }
+}
+
+/// Slip counts from the begin of a load step, wherever the sides were then: next to each other in a contact that did not act, within the
+/// distance of the search, or beyond it. By hand for rigid blocks, and for soft ones by what they do within it.
+#[test]
+fn slip_counts_from_the_begin_of_a_step() {
+    let pressed = |young: f64, gap: f64, pair: Pair, factors: &[f64]| {
+        let low = part([0.0; 2], [1.0, 0.5], [4, 2], "low");
+        let up = part([0.2, 0.5 + gap], [0.7, 0.5], [3, 2], "up");
+        let top = Support::on("up-top").x(1e-3).y(-0.01 - gap);
+        let model = Model::on(join(low, up))
+            .large_displacements()
+            .material(Material::new(young, 0.3))
+            .support(Support::on("low-bottom").fixed())
+            .support(top.factors(factors))
+            .contact(pair.coulomb(0.3))
+            .steps(vec![1.0; factors.len()]);
+        last(solved(model, 1e-10, Cholesky))
+    };
+    let pair = || Pair::new("up-bottom", "low-top");
+    let soft = || pair().normal_stiffness(1e4).tangential_stiffness(1e3);
+    for (gap, pair, factors) in [
+        (0.0, soft(), &[1.0][..]),
+        (0.0, soft().active([0.0, 1.0]), &[0.0, 1.0]),
+        (0.4, soft().search_distance(1.0), &[1.0]),
+        (0.4, soft().search_distance(0.1), &[1.0]),
+    ] {
+        let force = pressed(1e9, gap, pair, factors).force();
+        assert_near(force[0], -0.7 * 1e3 * 1e-3, 1e-4, "friction");
+        assert_near(force[1], 0.7 * 1e4 * 0.01, 1e-4, "pressure");
+    }
+    let slope = || pair().tangential_stiffness(1e5);
+    let forces = [
+        (0.4, slope().search_distance(1.0), &[1.0][..]),
+        (0.4, slope().search_distance(0.1), &[1.0]),
+        (0.0, slope().active([0.0, 1.0]), &[0.0, 1.0]),
+    ];
+    let forces = forces.map(|(gap, pair, factors)| pressed(1e3, gap, pair, factors).force());
+    for force in &forces[1..] {
+        (0..2).for_each(|c| assert_near(force[c], forces[0][c], 1e-5, "the same sides"));
+    }
+}
+
+/// Bodies side by side that are not tied have nodes at the same places. They are pressed as a single one is, on either side of the contact.
+#[test]
+fn bodies_side_by_side_are_pressed_as_one() {
+    let low = || part([0.0; 2], [2.0, 0.6], [2, 1], "low");
+    let one = part([0.0, 0.6], [2.0, 0.4], [2, 1], "left");
+    let [left, right] = [0.0, 1.0].map(|x| (x, if x > 0.0 { "right" } else { "left" }));
+    let two = join(
+        part([left.0, 0.6], [1.0, 0.4], [1, 1], left.1),
+        part([right.0, 0.6], [1.0, 0.4], [1, 1], right.1),
+    );
+    let forces = [(one, &["left"][..]), (two, &["left", "right"])].map(|(up, names)| {
+        let sides = |side: &str| -> Vec<String> {
+            names.iter().map(|name| format!("{name}-{side}")).collect()
+        };
+        [false, true].map(|swapped| {
+            let pair = match swapped {
+                false => Pair::new(sides("bottom"), "low-top"),
+                true => Pair::new("low-top", sides("bottom")),
+            };
+            let model = Model::on(join(low(), up.clone()))
+                .large_displacements()
+                .material(Material::new(1e3, 0.0))
+                .support(Support::on("low-bottom").fixed())
+                .support(Support::on(sides("top")).x(0.0).y(-0.01))
+                .contact(pair);
+            let end = last(solved(model, 1e-9, Cholesky));
+            assert!(end.iterations <= 4, "{}", end.iterations);
+            end.force()[1].abs()
+        })
+    });
+    assert_near(forces[0][0], 19.701, 1e-6, "one body");
+    for force in forces.as_flattened() {
+        assert_near(*force, forces[0][0], 1e-8, "two bodies");
+    }
+}
+
+/// Blocks between planes of symmetry, drawn along the axes or not: under a plate that shifts, with friction, and tied to each other on a side
+/// that turns. Rounding of directions and turns is no motion of supports.
+#[test]
+fn planes_of_symmetry_have_any_direction() {
+    let normal_forces = |by: Option<[f64; 3]>| {
+        let way = |x: [f64; 3]| by.map_or(x, |by| turned(x, by));
+        let model = |mut mesh: Mesh<3>, names: &[&str]| {
+            mesh.nodes.iter_mut().for_each(|x| *x = way(*x));
+            let sides = names
+                .iter()
+                .flat_map(|name| ["front", "back"].map(|side| format!("{name}-{side}")));
+            Model::on(mesh)
+                .large_displacements()
+                .material(Material::new(1e3, 0.35))
+                .support(Support::on(sides.collect::<Vec<_>>()).symmetry())
+        };
+        let solid = |low: [f64; 3], name: &str| {
+            let cells = [2, 1, 2];
+            block(
+                low,
+                [1.0; 3],
+                cells,
+                SolidShape::Hexahedron,
+                name,
+                &format!("{name}-"),
+            )
+        };
+        let plate = Obstacle::HalfSpace {
+            point: way([0.0, 0.0, 1.0]),
+            normal: way([0.0, 0.0, -1.0]),
+        };
+        let plate = Pair::obstacle("a-top", plate).coulomb(0.4);
+        let pressed = model(solid([0.0; 3], "a"), &["a"])
+            .support(Support::on("a-bottom").fixed())
+            .contact(plate.moving(Motion::shift(way([0.05, 0.0, -0.1]))));
+        let pressed = last(solved_in_space(pressed, 1e-9, Cholesky));
+        let about = Axis::new(way([0.0; 3]), way([0.0, 1.0, 0.0]));
+        let tied = join(solid([0.0; 3], "a"), solid([0.0, 0.0, 1.0], "b"));
+        let tied = model(tied, &["a", "b"])
+            .support(Support::on("a-bottom").turned(about, 30.0))
+            .traction(Traction::on("b-top").pressure(10.0))
+            .tie(Pair::tied("b-bottom", "a-top"));
+        let tied = last(solved_in_space(tied, 1e-9, Cholesky));
+        [pressed, tied].map(|end| end.force().map(|f| f * f).iter().sum::<f64>().sqrt())
+    };
+    let along = normal_forces(None);
+    for number in 0..5 {
+        let by = [0.4 + f64::from(number), 0.7, -0.3 * f64::from(number)];
+        for (force, goal) in normal_forces(Some(by)).iter().zip(along) {
+            assert_near(*force, goal, 1e-6, "the whole force");
+        }
+    }
+}
+
+/// Supports that drive a node across the only direction that it may slide in are refused: friction would not feel that motion.
+#[test]
+fn friction_feels_the_motion_of_supports() {
+    let mesh = block(
+        [0.0; 3],
+        [1.0; 3],
+        [2; 3],
+        SolidShape::Hexahedron,
+        "body",
+        "",
+    );
+    let floor = Obstacle::HalfSpace {
+        point: [0.0; 3],
+        normal: [0.0, 0.0, 1.0],
+    };
+    let model = |shift: f64| {
+        Model::on(mesh.clone())
+            .large_displacements()
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("top").x(shift).z(-0.05))
+            .support(Support::on("bottom").x(shift))
+            .support(Support::at_point([0.0, 0.0, 1.0]).y(0.0))
+            .contact(Pair::obstacle("bottom", floor).coulomb(0.3))
+    };
+    last(solved_in_space(model(0.0), 1e-8, Cholesky));
+    let error = tried_in_space(model(0.1), 1e-8, Cholesky).map(|_| ());
+    let error = error.expect_err("friction along x is missing").to_string();
+    assert!(error.contains("leave it free in the other"), "{error}");
 }

@@ -1,7 +1,7 @@
 //! Springs, foundations, preloads, couplings and sectors of bodies that move far.
 
 use super::elements::plus;
-use super::{End, neo_hooke, solved, solved_in_space};
+use super::{End, neo_hooke, solved, solved_in_space, works};
 use crate::bolts;
 use crate::common::apart;
 use crate::common::models::stacked;
@@ -21,7 +21,7 @@ use std::array::from_fn;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A rotation of space by a vector, by the formula of Rodrigues.
-fn turned(x: [f64; 3], by: [f64; 3]) -> [f64; 3] {
+pub fn turned(x: [f64; 3], by: [f64; 3]) -> [f64; 3] {
     let angle = length(&by);
     let axis = by.map(|v| v / angle);
     let cross = [
@@ -491,4 +491,58 @@ fn a_sector_is_blown_up() {
     }
     let most = whole[1].displacement[0][0];
     assert!(most > 0.2, "{most}");
+}
+
+/// The work of a moment, and of a force, on the point of a coupling is that of their means over a load step, in any direction of the drawing
+/// and however the nodes pass them on; so is that of a stated rotation.
+#[test]
+fn points_do_the_work_of_their_forces() {
+    let (l, h) = (5.0, 0.5);
+    for turn in [0.0, 40.0] {
+        let way = |x: [f64; 2]| super::elements::turned(x, turn);
+        let mut mesh = rectangle(
+            [0.0, -0.5 * h],
+            [l, h],
+            [10, 2],
+            CellShape::Quad,
+            "beam",
+            "",
+        );
+        mesh.nodes.iter_mut().for_each(|x| *x = way(*x));
+        let end = || Coupling::on("right", way([l, 0.0]));
+        let (force, moment, angle) = (way([0.1, -0.2]), 3.0, 0.9);
+        let works_of = |coupling: Coupling| {
+            let model = Model::on(mesh.clone())
+                .large_displacements()
+                .material(Material::new(1e3, 0.3))
+                .support(Support::on("left").fixed())
+                .coupling(coupling)
+                .steps([0.4, 1.0]);
+            let ends = solved(model, 1e-10, Cholesky);
+            converged(&ends, 30);
+            let reports: Vec<_> = ends.iter().map(|end| &end.report.contacts[0]).collect();
+            let motions: Vec<_> = reports.iter().map(|report| motion(report)).collect();
+            let about: Vec<f64> = reports.iter().map(|report| report.moment[0]).collect();
+            (works(&ends), motions, about)
+        };
+        for coupling in [end(), end().distributing()] {
+            let (work, motions, _) = works_of(coupling.force(force).moment([moment]));
+            let goal: f64 = (0..3)
+                .map(|k| {
+                    let [first, last] = [motions[0][k], motions[1][k]];
+                    [force[0], force[1], moment][k] * (0.2 * first + 0.7 * (last - first))
+                })
+                .sum();
+            assert!((work[0] - goal).abs() < 1e-6 * goal, "{work:?} {goal}");
+            assert!(work[2].abs() < 1e-6 * goal, "{work:?}");
+        }
+        let (work, motions, about) = works_of(end().turned(2, angle));
+        let [first, last] = [motions[0][2], motions[1][2]];
+        let goal: f64 = 0.5 * (about[0] * first + (about[0] + about[1]) * (last - first));
+        assert!(
+            (work[2] - goal.abs()).abs() < 1e-6 * goal.abs(),
+            "{work:?} {goal}"
+        );
+        assert!(work[0].abs() < 1e-9, "{work:?}");
+    }
 }

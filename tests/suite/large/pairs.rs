@@ -813,3 +813,47 @@ fn many_random_pairs_obey_the_law() {
     let first = number("CAMPAIGN_SEED").unwrap_or(1000);
     check(first..first + number("CAMPAIGN_PROBLEMS").unwrap_or(1000));
 }
+
+/// Two punches on a block, one of which protrudes over an end of it and beside which its sides bulge by a little: whether they do must not
+/// decide where places are. The force is that of CalculiX.
+#[test]
+fn a_punch_protrudes_over_an_end() {
+    let part = |low: [f64; 3], size: [f64; 3], cells: [usize; 3], name: &str| {
+        block(
+            low,
+            size,
+            cells,
+            SolidShape::Hexahedron,
+            name,
+            &format!("{name}-"),
+        )
+    };
+    let mut right = part([1.05, 0.0, 0.6], [1.0, 1.0, 0.4], [2, 2, 1], "right");
+    for x in &mut right.nodes {
+        // Hardly a skew.
+        if x[2] > 0.9 && (x[0] - 1.55).abs() > 0.4 && (x[0] > 1.5 || (x[1] - 0.5).abs() > 0.4) {
+            x[0] -= if x[1] > 0.1 && x[1] < 0.9 { 0.0 } else { 0.05 };
+        }
+    }
+    let low = part([0.0; 3], [2.0, 1.0, 0.6], [4, 2, 2], "low");
+    let left = part([0.0, 0.0, 0.6], [1.0, 1.0, 0.4], [2, 2, 1], "left");
+    let pair =
+        |name: &str| Pair::new(format!("{name}-bottom").as_str(), "low-top").normal_stiffness(1e6);
+    let model = Model::on(join(join(low, left), right))
+        .large_displacements()
+        .material(Material::new(1e3, 0.0))
+        .support(Support::on("low-bottom").fixed())
+        .support(
+            Support::on(["left-top", "right-top"])
+                .x(0.0)
+                .y(0.0)
+                .z(-0.01),
+        )
+        .contact(pair("left"))
+        .contact(pair("right"));
+    let end = solved_in_space(model, 1e-8, Stiffness::Cholesky).remove(0);
+    assert_eq!((end.status, end.parts), (Status::Converged, 1));
+    assert!(end.iterations <= 6, "{}", end.iterations);
+    let force: f64 = end.forces.iter().map(|force| force[2]).sum();
+    assert!((force - 19.65).abs() < 0.02, "{force}");
+}
