@@ -133,7 +133,7 @@ pub fn has_steps(path: &Path) -> Result<bool, FileError> {
 pub fn read(path: &Path, mesh_file: &str, ignored: &[String]) -> Result<Deck, DeckError> {
     let deck = index::Deck::read(path)?;
     let cards = deck.cards();
-    let mut said = Said::read(&cards, ignored).map_err(|wrong| deck.error(wrong))?;
+    let mut said = Said::read(&deck, &cards, ignored).map_err(|wrong| deck.error(wrong))?;
     for (line, name, text) in deck.unknown_elements() {
         said.refuse(*line, name, text);
     }

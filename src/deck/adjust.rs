@@ -21,8 +21,9 @@ pub(super) enum Moved {
 #[derive(Clone, Debug)]
 pub(super) struct Adjustment {
     pub line: usize,
-    /// A boundary, or a set of nodes.
+    /// A boundary; a set of nodes as well, if it consists of nodes.
     pub slave: String,
+    pub of_nodes: bool,
     pub master: String,
     pub moved: Moved,
 }
@@ -48,7 +49,11 @@ where
         let facets = |name: &str| mesh.boundaries.get(name).map_or(&[][..], Vec::as_slice);
         let set = |name: &str| mesh.node_sets.get(name).map_or(&[][..], Vec::as_slice);
         let of_facets = facets(&adjustment.slave).iter().flat_map(facet_nodes);
-        let mut slaves: Vec<u32> = of_facets.chain(set(&adjustment.slave)).copied().collect();
+        let own = match adjustment.of_nodes {
+            true => set(&adjustment.slave),
+            false => &[],
+        };
+        let mut slaves: Vec<u32> = of_facets.chain(own).copied().collect();
         slaves.sort_unstable();
         slaves.dedup();
         if let Moved::Set(name) = &adjustment.moved {

@@ -10,10 +10,11 @@ use super::said::{
     Interaction, MaterialCard, PairCard, PairChange, Refusal, Said, Section, SpringCard, StepCard,
     TieCard, Transform,
 };
-use crate::mesh::abaqus::index::{Card, Wrong};
-use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain};
+use crate::mesh::abaqus::index::{Card, Deck, Name, Wrong};
+use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain, same};
+use crate::mesh::vector::minus;
 
-use keywords::{PASSED_OVER, REASONS};
+use keywords::{OF_MODEL, OF_PARTS, OPTIONS, PASSED_OVER, REASONS};
 
 type Result<T> = std::result::Result<T, Wrong>;
 
@@ -31,6 +32,15 @@ fn value(line: usize, text: &str) -> Result<f64> {
     value.ok_or_else(|| (line, format!("\"{text}\" is not a number")))
 }
 
+/// The fault of a keyword whose name another one has.
+fn twice(k: &Keyword, name: &str) -> Wrong {
+    let text = format!(
+        "*{} \"{name}\" is stated twice: give each a name of its own",
+        k.name
+    );
+    (k.line, text)
+}
+
 /// A direction or an axis component "1" to "3" as a number from 0.
 fn component(line: usize, text: &str) -> Result<u64> {
     let number = text.parse().ok().filter(|&number: &u64| number > 0);
@@ -39,7 +49,7 @@ fn component(line: usize, text: &str) -> Result<u64> {
 
 impl<'a> Said<'a> {
     /// Reads all keywords; the user accepts the loss of those that are `ignored`.
-    pub fn read(cards: &[Card<'a>], ignored: &[String]) -> Result<Self> {
+    pub fn read(deck: &Deck, cards: &[Card<'a>], ignored: &[String]) -> Result<Self> {
         let mut said = Self {
             ignored: ignored
                 .iter()
@@ -50,10 +60,51 @@ impl<'a> Said<'a> {
         for card in cards.iter().filter(|card| card.keyword.name == "AMPLITUDE") {
             said.amplitude(card)?;
         }
-        for card in cards {
-            said.card(card)?;
+        // What a part says holds for it wherever it is placed; what it says of materials holds once.
+        for run in cards.chunk_by(|a, b| a.places == b.places) {
+            let places = run[0].places.as_deref();
+            let of_part =
+                |card: &&Card| places.is_some() && OF_PARTS.contains(&card.keyword.name.as_str());
+            said.place = None;
+            for card in run.iter().filter(|card| !of_part(card)) {
+                let name = card.keyword.name.as_str();
+                if places.is_some() && OF_MODEL.contains(&name) {
+                    let text =
+                        format!("*{name} within a part or an instance: state it after these");
+                    return Err((card.keyword.line, text));
+                }
+                said.card(card)?;
+            }
+            for &place in places.unwrap_or_default() {
+                said.place = Some(place);
+                for card in run.iter().filter(of_part) {
+                    said.card(card)?;
+                }
+            }
+        }
+        // Directions turn with the part.
+        for transform in &mut said.transforms {
+            let Some(place) = transform.set.place else {
+                continue;
+            };
+            let origin = match transform.cylindrical {
+                true => [0.0; 3],
+                false => deck.moved(place, [0.0; 3]),
+            };
+            let points = transform
+                .points()
+                .map(|x| minus(deck.moved(place, x), origin));
+            transform.points = std::array::from_fn(|i| points[i / 3][i % 3]);
         }
         Ok(said)
+    }
+
+    /// A name or a number, in the part whose keywords are read.
+    fn here(&self, text: &'a str) -> Name<'a> {
+        Name {
+            text,
+            place: self.place,
+        }
     }
 
     /// Refuses something, unless the user ignores it.
@@ -84,22 +135,19 @@ impl<'a> Said<'a> {
         self.ignored.contains(key)
     }
 
-    /// Refuses all options of a keyword except these, given by name or, with a value, as `NAME=VALUE`.
+    /// Refuses all options of a keyword except these.
     fn only(&mut self, k: &Keyword<'a>, known: &[&str]) {
-        for (name, value) in &k.options {
-            let whole = format!("{name}={}", value.to_uppercase());
-            if name == "INPUT" || known.contains(&name.as_str()) || known.contains(&whole.as_str())
-            {
-                continue;
-            }
-            let shown = if value.is_empty() { name } else { &whole };
-            let text = format!("*{}, {shown}: this option is not understood", k.name);
+        for (name, text) in k.unknown(known) {
             self.refuse(k.line, name, text);
         }
     }
 
     fn card(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
+        let table = OPTIONS.iter().find(|known| known.0 == k.name);
+        if let Some(known) = k.of_mesh().or(table.map(|known| known.1)) {
+            self.only(k, known);
+        }
         let first = card.data.first().copied();
         let needed = || first.ok_or_else(|| (k.line, format!("*{} needs a data line", k.name)));
         match k.name.as_str() {
@@ -116,6 +164,9 @@ impl<'a> Said<'a> {
             "MATERIAL" => {
                 self.material = Some(self.materials.len());
                 let name = k.option("NAME").map(key).unwrap_or_default();
+                if self.materials.iter().any(|one| one.name == name) {
+                    return Err(twice(k, &name));
+                }
                 self.materials.push(MaterialCard {
                     line: k.line,
                     name,
@@ -161,13 +212,12 @@ impl<'a> Said<'a> {
                         "*DENSITY: it cannot depend on the temperature",
                     );
                 }
-                self.materials[material].density = all[0];
+                self.materials[material].density = Some(all[0]);
             }
             "EXPANSION" => {
                 let Some(material) = self.current_material(k)? else {
                     return Ok(());
                 };
-                self.only(k, &["TYPE=ISO", "TYPE=ISOTROPIC", "ZERO"]);
                 if card.data.len() > 1 {
                     self.refuse(
                         k.line,
@@ -215,8 +265,7 @@ impl<'a> Said<'a> {
                 self.interaction = Some(self.interactions.len());
                 let name = k.option("NAME").map(key).unwrap_or_default();
                 if self.interactions.iter().any(|one| one.name == name) {
-                    let text = format!("*SURFACE INTERACTION \"{name}\" is stated twice");
-                    return Err((k.line, text));
+                    return Err(twice(k, &name));
                 }
                 self.interactions.push(Interaction {
                     name,
@@ -252,6 +301,9 @@ impl<'a> Said<'a> {
             "RIGID BODY" => self.rigid_body(card)?,
             "CYCLIC SYMMETRY MODEL" => self.sectors(card)?,
             "PRE-TENSION SECTION" => self.pretension(card)?,
+            "MASS" | "ROTARY INERTIA" => {
+                self.masses.get_or_insert(k.line);
+            }
             "CLEARANCE" => {
                 let option = |name| {
                     k.option(name)
@@ -269,7 +321,7 @@ impl<'a> Said<'a> {
             "NSET" if k.option("UNSORTED").is_some() => {
                 self.unsorted.extend(k.option("NSET").map(key));
             }
-            name if PASSED_OVER.contains(&name) => {
+            name if PASSED_OVER.iter().any(|known| same(known, name)) => {
                 // Keywords of the mesh need no note.
                 let of_mesh = ["NSET", "INCLUDE", "ASSEMBLY", "INSTANCE", "PART"];
                 if !of_mesh.contains(&name) && !name.starts_with("END") {
@@ -277,7 +329,7 @@ impl<'a> Said<'a> {
                 }
             }
             name => {
-                let reason = REASONS.iter().find(|known| known.0 == name);
+                let reason = REASONS.iter().find(|known| same(known.0, name));
                 let reason = reason.map_or("this keyword is not understood", |known| known.1);
                 self.refuse(k.line, name, format!("*{name}: {reason}"));
             }
@@ -309,8 +361,7 @@ impl<'a> Said<'a> {
         };
         self.sections.push(Section {
             line: k.line,
-            set: option("ELSET")?,
-            part: card.part.clone(),
+            set: self.here(option("ELSET")?),
             material: key(option("MATERIAL")?),
             thickness: thickness.filter(|&thickness| thickness > 0.0),
         });
@@ -342,8 +393,12 @@ impl<'a> Said<'a> {
                 "*AMPLITUDE needs pairs of increasing times and factors".to_owned(),
             ));
         }
+        let name = k.option("NAME").map(key).unwrap_or_default();
+        if self.amplitudes.iter().any(|one| one.name == name) {
+            return Err(twice(k, &name));
+        }
         self.amplitudes.push(Amplitude {
-            name: k.option("NAME").map(key).unwrap_or_default(),
+            name,
             total: k
                 .option("TIME")
                 .is_some_and(|time| key(time).starts_with("TOTAL")),
@@ -379,7 +434,7 @@ impl<'a> Said<'a> {
             ));
         };
         self.transforms.push(Transform {
-            set,
+            set: self.here(set),
             line: k.line,
             cylindrical,
             points,
@@ -429,6 +484,7 @@ impl<'a> Said<'a> {
         if changes {
             // *CHANGE SURFACE BEHAVIOR has seen a step.
             self.behavior_changes.push(BehaviorChange {
+                line: k.line,
                 step: self.steps.len() - 1,
                 interaction,
                 behavior,
@@ -720,8 +776,8 @@ impl<'a> Said<'a> {
                 line,
                 cyclic: k.option("CYCLIC SYMMETRY").is_some(),
                 name,
-                slave,
-                master,
+                slave: self.here(slave),
+                master: self.here(master),
                 tolerance,
             });
         }
@@ -769,7 +825,8 @@ impl<'a> Said<'a> {
                 continue;
             }
             let terms = terms.into_iter();
-            let terms = terms.map(|(target, c, factor)| (target, c as usize - 1, factor));
+            let terms =
+                terms.map(|(target, c, factor)| (self.here(target), c as usize - 1, factor));
             let terms = terms.collect();
             self.equations.push(EquationCard { line, terms });
         }
@@ -815,8 +872,7 @@ impl<'a> Said<'a> {
             _ => {
                 self.springs.push(SpringCard {
                     line: k.line,
-                    set,
-                    part: card.part.clone(),
+                    set: self.here(set),
                     component,
                     stiffness,
                 });

@@ -1,6 +1,7 @@
 //! The contents of a deck.
 
 use super::history::Stated;
+use crate::mesh::abaqus::index::Name;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// An entry that changes the result and is not supported.
@@ -19,7 +20,7 @@ pub(super) struct MaterialCard {
     /// In capitals.
     pub name: String,
     pub elastic: Option<[f64; 2]>,
-    pub density: f64,
+    pub density: Option<f64>,
     pub expansion: f64,
     /// Whether its law has been refused.
     pub is_refused: bool,
@@ -28,8 +29,7 @@ pub(super) struct MaterialCard {
 /// `*SOLID SECTION`.
 pub(super) struct Section<'a> {
     pub line: usize,
-    pub set: &'a str,
-    pub part: Option<String>,
+    pub set: Name<'a>,
     /// In capitals.
     pub material: String,
     pub thickness: Option<f64>,
@@ -237,6 +237,7 @@ pub(super) struct FrictionChange {
 
 /// `*CHANGE SURFACE BEHAVIOR`: the behavior of an interaction from a step on.
 pub(super) struct BehaviorChange {
+    pub line: usize,
     pub step: usize,
     /// Its number.
     pub interaction: usize,
@@ -258,8 +259,8 @@ pub(super) struct TieCard<'a> {
     /// The sides of a sector.
     pub cyclic: bool,
     pub name: Option<&'a str>,
-    pub slave: &'a str,
-    pub master: &'a str,
+    pub slave: Name<'a>,
+    pub master: Name<'a>,
     pub tolerance: Option<f64>,
 }
 
@@ -275,8 +276,7 @@ pub(super) struct Clearance {
 pub(super) struct SpringCard<'a> {
     pub line: usize,
     /// Of elements.
-    pub set: &'a str,
-    pub part: Option<String>,
+    pub set: Name<'a>,
     /// From 0; None: from end to end.
     pub component: Option<usize>,
     pub stiffness: f64,
@@ -285,9 +285,9 @@ pub(super) struct SpringCard<'a> {
 /// Which node leads a coupling.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Reference<'a> {
-    Node(&'a str),
+    Node(Name<'a>),
     /// That of the elements of a set.
-    Elements(&'a str),
+    Elements(Name<'a>),
 }
 
 /// `*COUPLING`, `*KINEMATIC COUPLING`, `*DISTRIBUTING COUPLING`, `*RIGID BODY` or `*MPC, BEAM`: nodes that move with a reference node.
@@ -298,10 +298,10 @@ pub(super) struct CouplingCard<'a> {
     pub name: Option<&'a str>,
     pub reference: Reference<'a>,
     /// The node whose displacements are the rotations, if it is another one.
-    pub rotation: Option<&'a str>,
-    pub surface: Option<&'a str>,
+    pub rotation: Option<Name<'a>>,
+    pub surface: Option<Name<'a>>,
     /// Nodes, or sets of them.
-    pub nodes: Vec<&'a str>,
+    pub nodes: Vec<Name<'a>>,
     pub distributing: bool,
     /// The directions that are coupled.
     pub bound: [bool; 3],
@@ -313,7 +313,7 @@ impl<'a> CouplingCard<'a> {
         line: usize,
         keyword: &'static str,
         reference: Reference<'a>,
-        nodes: Vec<&'a str>,
+        nodes: Vec<Name<'a>>,
     ) -> Self {
         Self {
             line,
@@ -342,8 +342,8 @@ pub(super) struct SectorCard<'a> {
 /// `*PRE-TENSION SECTION`.
 pub(super) struct PretensionCard<'a> {
     pub line: usize,
-    pub surface: &'a str,
-    pub reference: &'a str,
+    pub surface: Name<'a>,
+    pub reference: Name<'a>,
     pub normal: Option<[f64; 3]>,
 }
 
@@ -351,7 +351,7 @@ pub(super) struct PretensionCard<'a> {
 pub(super) struct EquationCard<'a> {
     pub line: usize,
     /// Nodes, or sets of them, each with a component, from 0, and its factor.
-    pub terms: Vec<(&'a str, usize, f64)>,
+    pub terms: Vec<(Name<'a>, usize, f64)>,
 }
 
 /// How nodes of a `*MPC` depend on each other.
@@ -370,12 +370,12 @@ pub(super) struct MpcCard<'a> {
     pub name: &'a str,
     pub kind: MpcKind,
     /// Nodes, or sets of them.
-    pub nodes: Vec<&'a str>,
+    pub nodes: Vec<Name<'a>>,
 }
 
 /// `*TRANSFORM`.
 pub(super) struct Transform<'a> {
-    pub set: &'a str,
+    pub set: Name<'a>,
     pub line: usize,
     pub cylindrical: bool,
     pub points: [f64; 6],
@@ -416,6 +416,8 @@ pub(super) struct Said<'a> {
     pub couplings: Vec<CouplingCard<'a>>,
     pub pretensions: Vec<PretensionCard<'a>>,
     pub sectors: Vec<SectorCard<'a>>,
+    /// The line of the first masses at nodes.
+    pub masses: Option<usize>,
     /// The types of the elements of bodies, in capitals.
     pub types: BTreeSet<String>,
     pub refusals: Vec<Refusal>,
@@ -423,6 +425,8 @@ pub(super) struct Said<'a> {
     pub passed: BTreeMap<String, usize>,
     /// Names that the user ignores, in capitals.
     pub ignored: HashSet<String>,
+    /// The place of the part whose keywords are read.
+    pub place: Option<usize>,
     /// The current material and interaction of keywords.
     pub material: Option<usize>,
     pub interaction: Option<usize>,

@@ -11,7 +11,7 @@ mod springs;
 use super::AnyDefinition;
 use super::adjust::Adjustment;
 use super::history::Times;
-use super::said::{Kind, MaterialCard, Refusal, Said, Section};
+use super::said::{Kind, Load, MaterialCard, Refusal, Said, Section, What};
 use crate::elasticity::{Material, Plane};
 use crate::mesh::abaqus::index::{Index, Wrong};
 use crate::model::{Definition, Filling, Geometry, Quantity, Steps, Units};
@@ -48,6 +48,20 @@ pub(super) fn check(said: &mut Said) {
         .collect();
     for line in none {
         said.refuse(line, "STEP", "*STEP: *STATIC is missing");
+    }
+    let is_on_mass =
+        |load: &Load| matches!(load.what, What::Gravity { .. } | What::Centrifugal { .. });
+    match said.masses {
+        Some(line) if said.loads.iter().any(is_on_mass) => {
+            let text =
+                "*MASS: GRAV and CENTRIF act in bodies only: state the force on a mass by *CLOAD";
+            said.refuse(line, "MASS", text);
+        }
+        // Nothing accelerates.
+        Some(line) => {
+            said.passed.insert("MASS".to_owned(), line);
+        }
+        None => {}
     }
     let springs = said.types.iter().any(|name| name.starts_with("SPRING"));
     let is_refused = |one: &Refusal| one.key == "SPRING";
@@ -259,51 +273,48 @@ impl<const D: usize> Translation<'_, '_, D> {
                 let text = format!("there is no *MATERIAL \"{}\"", section.material);
                 return Err((section.line, text));
             };
-            let part = section.part.as_deref();
-            for (name, elements) in self
-                .index
-                .elements_of_part(section.line, part, section.set)?
-            {
-                // Elements of one node lead others, as those of couplings do.
-                let is_stiff = elements.iter().any(|&e| self.index.ends(e).len() > 1);
-                let of_bodies = elements.into_iter().filter(|&e| self.index.is_of_body(e));
-                let elements: Vec<u32> = of_bodies.collect();
-                if elements.is_empty() {
-                    if is_stiff {
-                        let text = format!(
-                            "*SOLID SECTION: \"{}\" has no elements of bodies; trusses, shells, beams and, among solids, elements of the plane are not supported",
-                            section.set
-                        );
-                        self.refuse(section.line, "SOLID SECTION", text);
-                    }
-                    continue;
+            let elements = self.index.elements(section.line, section.set)?;
+            let name = self.index.set_name(false, section.set);
+            let name = name.unwrap_or_else(|| section.set.text.to_owned());
+            // Elements of one node lead others, as those of couplings do.
+            let is_stiff = elements.iter().any(|&e| self.index.ends(e).len() > 1);
+            let of_bodies = elements.into_iter().filter(|&e| self.index.is_of_body(e));
+            let elements: Vec<u32> = of_bodies.collect();
+            if elements.is_empty() {
+                if is_stiff {
+                    let text = format!(
+                        "*SOLID SECTION: \"{}\" has no elements of bodies; trusses, shells, beams and, among solids, elements of the plane are not supported",
+                        section.set
+                    );
+                    self.refuse(section.line, "SOLID SECTION", text);
                 }
-                for &element in &elements {
-                    self.section[element as usize] = Some(number);
+                continue;
+            }
+            for &element in &elements {
+                self.section[element as usize] = Some(number);
+            }
+            let Some([young, poisson]) = material.elastic else {
+                self.index.add_region(&name, &elements);
+                self.regions.push((number, name, elements));
+                if !material.is_refused {
+                    let text = format!("*MATERIAL \"{}\" has no *ELASTIC", material.name);
+                    self.refuse(material.line, "MATERIAL", text);
                 }
-                let Some([young, poisson]) = material.elastic else {
-                    self.index.add_region(&name, &elements);
-                    self.regions.push((number, name, elements));
-                    if !material.is_refused {
-                        let text = format!("*MATERIAL \"{}\" has no *ELASTIC", material.name);
-                        self.refuse(material.line, "MATERIAL", text);
-                    }
-                    continue;
+                continue;
+            };
+            for (name, elements, modes) in self.by_modes(name, elements) {
+                self.index.add_region(&name, &elements);
+                self.regions.push((number, name.clone(), elements));
+                self.comes_from(material.line, "material");
+                let stated = Material {
+                    density: material.density.unwrap_or_default(),
+                    expansion: material.expansion,
+                    incompatible_modes: modes,
+                    thickness: differs.then(|| section.thickness()),
+                    ..Material::new(young, poisson)
                 };
-                for (name, elements, modes) in self.by_modes(name, elements) {
-                    self.index.add_region(&name, &elements);
-                    self.regions.push((number, name.clone(), elements));
-                    self.comes_from(material.line, "material");
-                    let stated = Material {
-                        density: material.density,
-                        expansion: material.expansion,
-                        incompatible_modes: modes,
-                        thickness: differs.then(|| section.thickness()),
-                        ..Material::new(young, poisson)
-                    };
-                    let filling = Filling::of(Some(name.into()), stated);
-                    self.definition.materials.push(filling);
-                }
+                let filling = Filling::of(Some(name.into()), stated);
+                self.definition.materials.push(filling);
             }
         }
         Ok(())

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The result of a text; other files may be beside it.
-fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, String> {
+pub(crate) fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, String> {
     let place = tempfile::tempdir().or_panic();
     for (name, text) in beside.iter().chain(&[("deck.inp", text)]) {
         let path = place.path().join(name);
@@ -32,18 +32,18 @@ fn read(text: &str, beside: &[(&str, &str)], ignored: &[&str]) -> Result<Deck, S
 }
 
 /// The equivalent case file.
-fn written(deck: &Deck) -> String {
+pub(crate) fn written(deck: &Deck) -> String {
     let case = Case::of_deck(deck.clone(), &[]).or_panic();
     case.text().to_owned()
 }
 
-fn built(deck: &Deck) -> CaseProblem {
+pub(crate) fn built(deck: &Deck) -> CaseProblem {
     let case = Case::of_deck(deck.clone(), &[]).or_panic();
     case.build().or_panic()
 }
 
 /// The displacements of the nodes at the end of each load step, three of each.
-fn displacements(problem: &CaseProblem) -> Vec<Vec<[f64; 3]>> {
+pub(crate) fn displacements(problem: &CaseProblem) -> Vec<Vec<[f64; 3]>> {
     fn of<const D: usize>(built: &Built<D>) -> Vec<Vec<[f64; 3]>>
     where
         ElementKind: Topology<D> + signorini::contact::Space<D>,
@@ -73,18 +73,18 @@ const STRIP: &str = "*HEADING\nA strip\n*NODE, NSET=Nall\n1,0,0\n2,1,0\n3,2,0\n4
     *NSET, NSET=Nleft\n1,11\n*NSET, NSET=Nright\n5,15\n\
     *SURFACE, NAME=Send\n4,S2\n*SURFACE, NAME=Sbelow\nEall,S1\n";
 
-fn material(nu: f64) -> String {
+pub(crate) fn material(nu: f64) -> String {
     format!(
         "*MATERIAL, NAME=soft\n*ELASTIC\n200., {nu}\n*DENSITY\n3.\n*SOLID SECTION, ELSET=Eall, MATERIAL=soft\n0.5\n"
     )
 }
 
-fn strip(rest: &str) -> String {
+pub(crate) fn strip(rest: &str) -> String {
     let held = "*BOUNDARY\nNleft,1\n1,2\n";
     format!("{STRIP}{}{held}{rest}", material(0.0))
 }
 
-const STATIC: &str = "*STEP\n*STATIC\n1.,1.\n";
+pub(crate) const STATIC: &str = "*STEP\n*STATIC\n1.,1.\n";
 
 /// Every kind of load against u = ∫ N / (E A) of a bar with A = 0.5.
 #[test]
@@ -678,7 +678,7 @@ fn nodes_in_space_depend_on_each_other() {
 }
 
 /// Two squares above each other: the lower side of the upper one goes from (0, 1.01) to (1, 1.03).
-fn squares(low: [f64; 2], pair: &str) -> String {
+pub(crate) fn squares(low: [f64; 2], pair: &str) -> String {
     let [a, b] = low;
     format!(
         "*NODE, NSET=Nall\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n11,0,{a}\n12,1,{b}\n13,1,2\n14,0,2\n\
@@ -858,6 +858,51 @@ fn behaviors_change_with_the_steps() {
     let early = format!("{change}\n{STATIC}");
     let error = read(&text.replacen(STATIC, &early, 1), &[], &[]).expect_err("before a step");
     assert!(error.contains("comes before any *STEP"), "{error}");
+}
+
+/// The springs of a stick slope go on under a behavior that is stated again; another one would begin without their force.
+#[test]
+fn a_stick_slope_keeps_its_force() {
+    let law = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n400.\n";
+    let begin = squares([1.0; 2], "").replace(
+        "NAME=hard\n",
+        &format!("NAME=hard\n{law}*FRICTION\n0.5,50.\n"),
+    );
+    let begin = begin.split(STATIC).next().expect("what is before");
+    let begin = begin.replace("13,2\n14,1,2\n", "");
+    let push = "*BOUNDARY\n13,2,2,-0.02\n14,2,2,-0.02\n13,1,1,0.01\n14,1,1,0.01\n";
+    let text =
+        |second: &str| format!("{begin}{STATIC}{push}*END STEP\n{STATIC}{second}*END STEP\n");
+    let change = format!("*CHANGE SURFACE BEHAVIOR, INTERACTION=hard\n{law}");
+    let u = displacements(&built(&read(&text(&change), &[], &[]).or_panic()));
+    let plain = displacements(&built(&read(&text(""), &[], &[]).or_panic()));
+    assert!(u[0][2][0] > 1e-4, "{u:?}");
+    for (a, b) in u
+        .iter()
+        .flatten()
+        .flatten()
+        .zip(plain.iter().flatten().flatten())
+    {
+        assert!((a - b).abs() < 1e-12, "{u:?}\n{plain:?}");
+    }
+    let error = read(&text(&change.replace("400.", "300.")), &[], &[]).expect_err("other springs");
+    let expected = "line 49: *CHANGE SURFACE BEHAVIOR: the force that the stick slope";
+    assert!(error.contains(expected), "{error}");
+}
+
+/// Gravity and rotation need a density, be it 0.
+#[test]
+fn loads_on_mass_need_a_density() {
+    for load in [
+        "Eall,GRAV,9.81,0.,-1.,0.",
+        "Eall,CENTRIF,2.,0.,0.,0.,0.,0.,1.",
+    ] {
+        let text = strip(&format!("{STATIC}*DLOAD\n{load}\n*END STEP\n"));
+        let none = text.replace("*DENSITY\n3.\n", "");
+        let error = read(&none, &[], &[]).expect_err("no mass");
+        assert!(error.contains("line 40: *DLOAD, GRAV or CENTRIF acts on mass: state the *DENSITY of *MATERIAL \"SOFT\""), "{error}");
+        read(&text.replace("3.\n*SOLID", "0.\n*SOLID"), &[], &[]).or_panic();
+    }
 }
 
 /// Sides of a tie that look the same way, as where one part is drawn within the other, and a surface of nodes are tied node by node.
@@ -1612,6 +1657,70 @@ fn options_that_change_the_answer_are_refused() {
             format!("*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,4,15,5,15\n{end}"),
             "element 50 has node 15 at several corners",
         ),
+        (
+            format!("*ELEMENT,TYPE=CPS8,ELSET=Eall\n50,1,2,12,11,2,3,4,5\n{end}"),
+            "line 39: element 50 has node 2 twice: nodes in the middle of sides",
+        ),
+        (
+            format!("*NODE\n20,5,0\n21,5,1\n*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,5,15,20,21\n{end}"),
+            "line 42: element 50 near (4.000000e0, 0.000000e0) has no area or folds over itself",
+        ),
+        (
+            format!("*NSET,NSET=Some,GENRATE\n1,4,1\n{end}"),
+            "*NSET, GENRATE: this option is not understood",
+        ),
+        (
+            format!("*NSET,NSET=Some,\n1,4\n5\n{end}"),
+            "line 38: *NSET: its line ends with a comma and goes on in the next one",
+        ),
+        (
+            format!("*SURFACE,NAME=Both,COMBINE=UNION\nSend,Sbelow\n{end}"),
+            "*SURFACE, COMBINE=UNION: this option is not understood",
+        ),
+        (
+            format!("*INITIAL CONDITIONS,TYPE=TEMPERATURE,FILE=hot.odb\n{end}"),
+            "FILE=HOT.ODB: this option is not understood",
+        ),
+        (
+            format!("*RESTART,READ\n{end}"),
+            "*RESTART, READ: this option is not understood",
+        ),
+        (
+            "*STEP,NLGOEM\n*STATIC\n*END STEP\n".to_owned(),
+            "*STEP, NLGOEM: this option is not understood",
+        ),
+        (
+            format!("*MATERIAL,NAME=SOFT\n*ELASTIC\n1.,0.\n{end}"),
+            "line 38: *MATERIAL \"SOFT\" is stated twice",
+        ),
+        (
+            format!("*AMPLITUDE,NAME=a\n0.,0.,1.,1.\n*AMPLITUDE,NAME=A\n0.,1.,1.,1.\n{end}"),
+            "line 40: *AMPLITUDE \"A\" is stated twice",
+        ),
+        (
+            format!("*SURFACE,NAME=SEND\n1,S4\n{end}"),
+            "line 38: *SURFACE: \"SEND\" is stated twice",
+        ),
+        (
+            format!("{STATIC}*DLOAD\nEall,GRAV,9.81,0.,0.,0.\n*END STEP\n"),
+            "line 42: *DLOAD, GRAV: the direction is zero",
+        ),
+        (
+            format!("{STATIC}*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,0.\n*END STEP\n"),
+            "line 42: *DLOAD, CENTRIF: the axis is zero",
+        ),
+        (
+            format!("{STATIC}*DLOAD\n1,P2,5.\n*END STEP\n"),
+            "line 42: *DLOAD, P2: a face of \"1\" lies between elements",
+        ),
+        (
+            format!("{STATIC}*CLOAD\nNright,3,5.\n*END STEP\n"),
+            "--ignore 'CLOAD'",
+        ),
+        (
+            format!("*PART,NAME=p\n*BOUNDARY\n1,1\n*END PART\n{end}"),
+            "line 39: *BOUNDARY within a part or an instance",
+        ),
     ] {
         let error = read(&strip(&rest), &[], &[]).expect_err(expected);
         assert!(error.contains(expected), "{error}");
@@ -1626,6 +1735,10 @@ fn options_that_change_nothing_are_read() {
         "*SURFACE INTERACTION,NAME=I\n*SURFACE BEHAVIOR,PENALTY\n,,1.\n",
         "*NSET,NSET=One,UNSORTED\n5\n*EQUATION\n2\nOne,1,1.,15,1,-1.\n",
         "*ELEMENT,TYPE=CPS4,ELSET=Eall\n50,5,99,15,15\n",
+        "*SECTION CONTROLS,NAME=c,HOURGLASS=ENHANCED\n1.,1.,1.\n*SOLVER CONTROLS\n*SOLUTION TECHNIQUE\n*FILE OUTPUT\n*LATENT HEAT\n1.\n",
+        "*SURFACEINTERACTION,NAME=I\n*SURFACEBEHAVIOR,PRESSURE-OVERCLOSURE=HARD\n*INITIALCONDITIONS,TYPE=TEMPERATURE\nNright,0.\n",
+        "*NSET,\n** a comment\nNSET=One\n5\n*EQUATION\n2\nOne,1,1.,15,1,-1.\n",
+        "*NSET,NSET=Face.1\n5\n*ELSET,ELSET=End.2\n4\n*SURFACE,NAME=S.3\nEnd.2,S2\n*NSET,NSET=All.4\nFace.1,15\n*EQUATION\n2\nFace.1,1,1.,15,1,-1.\n",
     ] {
         let text = strip(&format!(
             "{rest}*STEP\n*STATIC,DIRECT,TIME RESET\n1.,1.\n*CLOAD\nNright,1,5.\n*END STEP\n"

@@ -21,6 +21,7 @@ mod counts;
 mod couplings;
 mod cyclic;
 mod decks;
+mod decks_names;
 mod elastic;
 mod equal;
 mod export;

@@ -134,6 +134,48 @@ fn instances_may_have_meshes_of_their_own() {
     );
 }
 
+/// Sets of a part, of the assembly and surfaces that have one name are as many things, also those of one instance.
+#[test]
+fn equal_names_are_not_one_thing() {
+    // CAE numbers the sets of the part, which has the section, and those of the assembly, here of faces, each from 1 on.
+    let one = CAE
+        .replace(
+            &CAE[CAE.find("*Instance, name=Brick-2").expect("it is there")
+                ..CAE
+                    .find("**\n*Node\n      1,           9.")
+                    .expect("it is there")],
+            "",
+        )
+        .replace(
+            "*Elset, elset=_Top_S6, internal, instance=Brick-2\n 1,\n",
+            "",
+        )
+        .replace("_Top_S6, S6\n", "");
+    for (nodes, faces) in [("Set-1", "Left"), ("Left", "Set-1"), ("Left", "Left")] {
+        let text = one
+            .replace("nset=Held,", &format!("nset={nodes},"))
+            .replace("elset=Held,", &format!("elset={nodes},"))
+            .replace("name=Top", &format!("name={faces}"));
+        let mesh = solid(parsed("one.inp", &text, None));
+        let volumes: f64 = mesh.measures().iter().sum();
+        assert!(near(volumes, 2.0));
+        let groups: Vec<&str> = mesh.groups.keys().map(String::as_str).collect();
+        assert_eq!(groups, ["Set-1"], "{nodes}");
+        assert!(near(area(&mesh, faces), 2.0), "{nodes}: {faces}");
+        assert_eq!(mesh.node_sets[nodes].len(), 4, "{nodes}");
+        let of_part = format!("Brick-1.{nodes}");
+        let all = if nodes == "Set-1" { 12 } else { 4 };
+        assert_eq!(mesh.node_sets[&of_part].len(), all, "{nodes}");
+        assert!(near(
+            area(&mesh, &of_part),
+            if nodes == "Set-1" { 10.0 } else { 1.0 }
+        ));
+        if nodes != faces {
+            assert!(near(area(&mesh, nodes), 1.0), "{nodes}");
+        }
+    }
+}
+
 /// One body as Gmsh writes it, by its surfaces as elements and by sets of nodes, against its own format.
 #[test]
 fn gmsh_writes_the_same_body_as_inp() {
@@ -230,6 +272,10 @@ fn faults_of_an_input_file_are_reported_with_their_line() {
         (
             flat.to_owned() + "*ELSET, ELSET=a\nnone\n",
             "line 9: there is no element set \"NONE\"",
+        ),
+        (
+            flat.to_owned() + "*NSET, NSET=a, GENRATE\n1, 4, 1\n",
+            "line 8: *NSET, GENRATE: this option is not understood",
         ),
         (
             flat.to_owned() + "*NSET, NSET=a\na\n",

@@ -1,7 +1,7 @@
 //! Keywords without effect, and the reasons why others are refused.
 
 /// Keywords about output or solution methods, or without effect on the displacements of a static analysis.
-pub(super) const PASSED_OVER: [&str; 46] = [
+pub(super) const PASSED_OVER: [&str; 57] = [
     "ASSEMBLY",
     "CONDUCTIVITY",
     "CONTACT CONTROLS",
@@ -14,23 +14,30 @@ pub(super) const PASSED_OVER: [&str; 46] = [
     "CONTACT STABILIZATION",
     "CONTROLS",
     "DAMPING",
+    "DIAGNOSTICS",
     "EL FILE",
     "EL PRINT",
+    "ELECTRICAL CONDUCTIVITY",
+    "ELEMENT MATRIX OUTPUT",
     "ELEMENT OUTPUT",
     "END ASSEMBLY",
     "END INSTANCE",
     "END PART",
     "END STEP",
-    "ENDSTEP",
     "ENERGY OUTPUT",
     "ENERGY PRINT",
     "FACE PRINT",
     "FILE FORMAT",
+    "FILE OUTPUT",
     "FILTER",
     "GAP CONDUCTANCE",
     "GAP HEAT GENERATION",
     "INCLUDE",
+    "INCREMENTATION OUTPUT",
     "INSTANCE",
+    "INTEGRATED OUTPUT",
+    "INTEGRATED OUTPUT SECTION",
+    "LATENT HEAT",
     "MONITOR",
     "NODE FILE",
     "NODE OUTPUT",
@@ -43,7 +50,11 @@ pub(super) const PASSED_OVER: [&str; 46] = [
     "PREPRINT",
     "PRINT",
     "RESTART",
+    "SECTION CONTROLS",
+    "SECTION FILE",
     "SECTION PRINT",
+    "SOLUTION TECHNIQUE",
+    "SOLVER CONTROLS",
     "SPECIFIC HEAT",
     "SURFACE PROPERTY ASSIGNMENT",
     "TIME POINTS",
@@ -102,5 +113,92 @@ pub(super) const REASONS: [(&str, &str); 27] = [
     (
         "CHANGE SOLID SECTION",
         "materials cannot change from step to step",
+    ),
+];
+
+/// Keywords of a part or an instance: they hold wherever it is placed, with names and numbers of its own.
+pub(super) const OF_PARTS: [&str; 12] = [
+    "COUPLING",
+    "DISTRIBUTING",
+    "DISTRIBUTING COUPLING",
+    "EQUATION",
+    "KINEMATIC",
+    "KINEMATIC COUPLING",
+    "MPC",
+    "RIGID BODY",
+    "SOLID SECTION",
+    "SPRING",
+    "TIE",
+    "TRANSFORM",
+];
+
+/// Keywords that name things of the whole model.
+pub(super) const OF_MODEL: [&str; 19] = [
+    "BOUNDARY",
+    "CLEARANCE",
+    "CLOAD",
+    "CONTACT",
+    "CONTACT EXCLUSIONS",
+    "CONTACT INCLUSIONS",
+    "CONTACT INITIALIZATION ASSIGNMENT",
+    "CONTACT INITIALIZATION DATA",
+    "CONTACT PAIR",
+    "CONTACT PROPERTY ASSIGNMENT",
+    "CYCLIC SYMMETRY MODEL",
+    "DLOAD",
+    "DSLOAD",
+    "INITIAL CONDITIONS",
+    "MODEL CHANGE",
+    "PRE-TENSION SECTION",
+    "STATIC",
+    "STEP",
+    "TEMPERATURE",
+];
+
+/// The options of keywords that change nothing here, or are read; other keywords name theirs where they are read.
+pub(super) const OPTIONS: [(&str, &[&str]); 8] = [
+    (
+        "MATERIAL",
+        &[
+            "NAME",
+            "DESCRIPTION",
+            "RTOL",
+            "SRATE FACTOR",
+            "STRAIN RATE REGULARIZATION",
+        ],
+    ),
+    ("ELASTIC", &["TYPE", "MODULI", "DEPENDENCIES=0"]),
+    ("DENSITY", &["DEPENDENCIES=0"]),
+    (
+        "EXPANSION",
+        &["TYPE=ISO", "TYPE=ISOTROPIC", "ZERO", "DEPENDENCIES=0"],
+    ),
+    ("TRANSFORM", &["NSET", "TYPE"]),
+    (
+        "STEP",
+        &[
+            "AMPLITUDE=RAMP",
+            "AMPLITUDE=STEP",
+            "CONVERT SDI",
+            "EXTRAPOLATION",
+            "INC",
+            "INCF",
+            "NAME",
+            "NLGEOM",
+            "PERTURBATION",
+            "SOLVER",
+            "UNSYMM",
+        ],
+    ),
+    ("INITIAL CONDITIONS", &["TYPE"]),
+    (
+        "RESTART",
+        &[
+            "WRITE",
+            "FREQUENCY",
+            "NUMBER INTERVAL",
+            "OVERLAY",
+            "TIME MARKS",
+        ],
     ),
 ];

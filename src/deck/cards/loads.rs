@@ -194,17 +194,24 @@ impl<'a> Said<'a> {
             let all = rest.get(from..from + 3).ok_or_else(few)?;
             Ok([all[0], all[1], all[2]])
         };
+        let direction = |from: usize, what: &str| match three(from)? {
+            [0.0, 0.0, 0.0] if size != 0.0 => {
+                let text = format!("*DLOAD, {kind}: {what} is zero: state its three components");
+                Err((line, text))
+            }
+            direction => Ok(direction),
+        };
         Ok(Some(match kind.as_str() {
             "GRAV" => What::Gravity {
                 target,
                 size,
-                direction: three(1)?,
+                direction: direction(1, "the direction")?,
             },
             "CENTRIF" => What::Centrifugal {
                 target,
                 square: size,
                 point: three(1)?,
-                direction: three(4)?,
+                direction: direction(4, "the axis")?,
             },
             "BX" => What::Volume {
                 target,

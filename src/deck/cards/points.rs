@@ -4,7 +4,7 @@ use super::{Result, component, numbers, value};
 use crate::deck::said::{
     CouplingCard, EquationCard, MpcCard, MpcKind, PretensionCard, Reference, Said, SectorCard,
 };
-use crate::mesh::abaqus::index::Card;
+use crate::mesh::abaqus::index::{Card, Name};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, plain};
 
 impl<'a> Said<'a> {
@@ -18,10 +18,10 @@ impl<'a> Said<'a> {
     pub(super) fn coupling(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["CONSTRAINT NAME", "REF NODE", "SURFACE"]);
-        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
+        let reference = Reference::Node(self.here(Self::needs(k, "REF NODE")?));
         self.couplings.push(CouplingCard {
             name: k.option("CONSTRAINT NAME"),
-            surface: Some(Self::needs(k, "SURFACE")?),
+            surface: Some(self.here(Self::needs(k, "SURFACE")?)),
             bound: [false; 3],
             ..CouplingCard::rigid(k.line, "COUPLING", reference, Vec::new())
         });
@@ -32,7 +32,9 @@ impl<'a> Said<'a> {
     pub(super) fn couple(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         let distributing = k.name == "DISTRIBUTING";
-        self.only(k, &[]);
+        // The defaults.
+        let uniform = ["WEIGHTING METHOD=UNIFORM", "COUPLING=CONTINUUM"];
+        self.only(k, if distributing { &uniform[..] } else { &[] });
         let mut bound = [card.data.is_empty() || distributing; 3];
         for &(line, text) in &card.data {
             let all: Vec<&str> = entries(text).map(plain).collect();
@@ -51,7 +53,7 @@ impl<'a> Said<'a> {
     pub(super) fn kinematic(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["REF NODE"]);
-        let (nodes, bounds) = nodes_with(card, |line, rest| {
+        let (nodes, bounds) = self.nodes_with(card, |line, rest| {
             let mut bound = [rest.is_empty(); 3];
             range(line, rest, &mut bound)?;
             Ok(bound)
@@ -61,7 +63,7 @@ impl<'a> Said<'a> {
             self.refuse(k.line, "KINEMATIC COUPLING", text);
             return Ok(());
         };
-        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
+        let reference = Reference::Node(self.here(Self::needs(k, "REF NODE")?));
         self.couplings.push(CouplingCard {
             bound,
             ..CouplingCard::rigid(k.line, "KINEMATIC COUPLING", reference, nodes)
@@ -73,7 +75,7 @@ impl<'a> Said<'a> {
     pub(super) fn spread(&mut self, card: &Card<'a>) -> Result<()> {
         let k = &card.keyword;
         self.only(k, &["ELSET"]);
-        let (nodes, weights) = nodes_with(card, |line, rest| match rest.first() {
+        let (nodes, weights) = self.nodes_with(card, |line, rest| match rest.first() {
             Some(weight) => value(line, weight),
             None => Ok(1.0),
         })?;
@@ -83,7 +85,7 @@ impl<'a> Said<'a> {
             self.refuse(k.line, "DISTRIBUTING COUPLING", text);
             return Ok(());
         }
-        let reference = Reference::Elements(Self::needs(k, "ELSET")?);
+        let reference = Reference::Elements(self.here(Self::needs(k, "ELSET")?));
         self.couplings.push(CouplingCard {
             distributing: true,
             ..CouplingCard::rigid(k.line, "DISTRIBUTING COUPLING", reference, nodes)
@@ -94,12 +96,13 @@ impl<'a> Said<'a> {
     /// Nodes that depend on each other: lines with a type and nodes or sets; a line without a type goes on with the one above.
     pub(super) fn multi_point(&mut self, card: &Card<'a>) -> Result<()> {
         self.only(&card.keyword, &[]);
-        let mut all: Vec<(usize, &str, Vec<&str>)> = Vec::new();
+        let mut all: Vec<(usize, &str, Vec<Name>)> = Vec::new();
         for &(line, text) in &card.data {
             let mut parts = entries(text).map(plain);
             let name = parts.next().unwrap_or_default();
             // Zeros are no nodes.
             let nodes = parts.filter(|part| !part.is_empty() && *part != "0");
+            let nodes = nodes.map(|part| self.here(part));
             match (name, all.last_mut()) {
                 ("" | "0", Some((.., last))) => last.extend(nodes),
                 _ => all.push((line, name, nodes.collect())),
@@ -156,15 +159,18 @@ impl<'a> Said<'a> {
         let k = &card.keyword;
         self.only(k, &["NSET", "TIE NSET", "REF NODE", "ROT NODE"]);
         let sets = ["NSET", "TIE NSET"].into_iter();
-        let nodes: Vec<&str> = sets.filter_map(|name| k.option(name)).collect();
+        let nodes: Vec<Name> = sets
+            .filter_map(|name| k.option(name))
+            .map(|name| self.here(name))
+            .collect();
         if nodes.is_empty() {
             let text = "*RIGID BODY: nodes are needed: NSET= or TIE NSET=";
             self.refuse(k.line, "RIGID BODY", text);
             return Ok(());
         }
-        let reference = Reference::Node(Self::needs(k, "REF NODE")?);
+        let reference = Reference::Node(self.here(Self::needs(k, "REF NODE")?));
         self.couplings.push(CouplingCard {
-            rotation: k.option("ROT NODE"),
+            rotation: k.option("ROT NODE").map(|name| self.here(name)),
             ..CouplingCard::rigid(k.line, "RIGID BODY", reference, nodes)
         });
         Ok(())
@@ -189,8 +195,8 @@ impl<'a> Said<'a> {
         };
         self.pretensions.push(PretensionCard {
             line: k.line,
-            surface: Self::needs(k, "SURFACE")?,
-            reference: Self::needs(k, "NODE")?,
+            surface: self.here(Self::needs(k, "SURFACE")?),
+            reference: self.here(Self::needs(k, "NODE")?),
             normal,
         });
         Ok(())
@@ -222,21 +228,22 @@ impl<'a> Said<'a> {
         });
         Ok(())
     }
-}
 
-/// The nodes or sets that data lines begin with, and what the rest of each line gives: once where it is the same in lines in a row.
-fn nodes_with<'a, T: PartialEq>(
-    card: &Card<'a>,
-    of_rest: impl Fn(usize, &[&'a str]) -> Result<T>,
-) -> Result<(Vec<&'a str>, Vec<T>)> {
-    let (mut nodes, mut given) = (Vec::new(), Vec::new());
-    for &(line, text) in &card.data {
-        let mut all = entries(text).map(plain);
-        nodes.extend(all.next());
-        given.push(of_rest(line, &all.collect::<Vec<&str>>())?);
+    /// The nodes or sets that data lines begin with, and what the rest of each line gives: once where it is the same in lines in a row.
+    fn nodes_with<T: PartialEq>(
+        &self,
+        card: &Card<'a>,
+        of_rest: impl Fn(usize, &[&'a str]) -> Result<T>,
+    ) -> Result<(Vec<Name<'a>>, Vec<T>)> {
+        let (mut nodes, mut given) = (Vec::new(), Vec::new());
+        for &(line, text) in &card.data {
+            let mut all = entries(text).map(plain);
+            nodes.extend(all.next().map(|name| self.here(name)));
+            given.push(of_rest(line, &all.collect::<Vec<&str>>())?);
+        }
+        given.dedup();
+        Ok((nodes, given))
     }
-    given.dedup();
-    Ok((nodes, given))
 }
 
 /// Marks the directions of a data line that are along axes: from the first number to the second one.

@@ -4,7 +4,7 @@ use super::{Result, Translation, with_factors};
 use crate::deck::adjust::{Adjustment, Moved};
 use crate::deck::history::factors;
 use crate::deck::said::{Adjust, Behavior, Interaction, PairCard, Said, SectorCard, TieCard};
-use crate::mesh::abaqus::index::Surface;
+use crate::mesh::abaqus::index::{Name, Surface};
 use crate::mesh::abaqus::keyword::key;
 use crate::model::{Axis, Cyclic, Pair};
 use std::array::from_fn;
@@ -44,7 +44,8 @@ impl<const D: usize> Translation<'_, '_, D> {
                     ));
                 }
                 let before = self.definition.ties.len();
-                self.tie(pair.line, None, [pair.slave, pair.master], None)?;
+                let sides = [pair.slave, pair.master].map(Name::from);
+                self.tie(pair.line, None, sides, None)?;
                 if let Some(tie) = self.definition.ties.get_mut(before) {
                     *tie = with_factors(tie.clone(), active.clone(), Pair::active);
                 }
@@ -76,7 +77,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                     stated = corners.iter().all(is_moved).then_some(0.0);
                     let of_bodies = nodes.into_iter().filter(|&node| self.used[node as usize]);
                     let nodes: Vec<u32> = of_bodies.collect();
-                    let set = self.set_of(pair.line, set, &nodes, "adjusted")?;
+                    let set = self.set_of(pair.line, set.into(), &nodes, "adjusted")?;
                     moved = Some(Moved::Set(set));
                 }
             }
@@ -95,6 +96,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             self.put_contacts(pair.line, interaction, &laws, &contact, stated);
             self.adjustments.extend(moved.map(|moved| Adjustment {
                 line: pair.line,
+                of_nodes: slave.nodes.is_some(),
                 slave: slave.name,
                 master: master.name,
                 moved,
@@ -131,6 +133,9 @@ impl<const D: usize> Translation<'_, '_, D> {
             let text = "*FRICTION: a stick slope cannot be combined with a table of pressures in several pieces";
             self.refuse(line, "FRICTION", text);
         }
+        if slope.is_some() {
+            self.refuse_new_springs(interaction);
+        }
         let sliding = laws.iter().filter(|law| !law.0.tied);
         let springs = sliding.flat_map(|(behavior, active)| {
             let all = behavior.springs.iter().copied().map(Some);
@@ -158,6 +163,25 @@ impl<const D: usize> Translation<'_, '_, D> {
             };
             self.comes_from(line, "contact");
             self.definition.pairs.push(contact);
+        }
+    }
+
+    /// Refuses another behavior in place of one with a stick slope, whose springs would begin again without force. Behind a tie,
+    /// which is rigid, they have none.
+    fn refuse_new_springs(&mut self, interaction: &Interaction) {
+        let said = self.said;
+        let is_own = |number: usize| said.interactions[number].name == interaction.name;
+        let (mut since, mut before) = (0, &interaction.behavior);
+        for change in &said.behavior_changes {
+            if !is_own(change.interaction) {
+                continue;
+            }
+            if change.step > since && !before.tied && change.behavior != *before {
+                let text = "*CHANGE SURFACE BEHAVIOR: the force that the stick slope of *FRICTION has made would be lost: leave the slope \
+                            out, or keep the behavior";
+                self.refuse(change.line, "CHANGE SURFACE BEHAVIOR", text);
+            }
+            (since, before) = (change.step, &change.behavior);
         }
     }
 
@@ -210,15 +234,26 @@ impl<const D: usize> Translation<'_, '_, D> {
         }
         let number = self.by_step(0, &changed);
         let active = active.unwrap_or_else(|| vec![1.0; number.len()]);
-        let mut found = Vec::new();
+        let mut found: Vec<(Behavior, Vec<f64>)> = Vec::new();
         for (own, behavior) in all.into_iter().enumerate() {
             let here = |(number, acts): (&usize, &f64)| f64::from(u8::from(*number == own)) * acts;
             let steps: Vec<f64> = number.iter().zip(&active).map(here).collect();
-            if steps.contains(&1.0) {
-                found.push((behavior, steps.contains(&0.0).then_some(steps)));
+            // One that is stated again is the same contact.
+            match found
+                .iter_mut()
+                .find(|law: &&mut (Behavior, Vec<f64>)| law.0 == behavior)
+            {
+                Some((_, all)) => all
+                    .iter_mut()
+                    .zip(steps)
+                    .for_each(|(all, here)| *all += here),
+                None => found.push((behavior, steps)),
             }
         }
-        found
+        found.retain(|law| law.1.contains(&1.0));
+        let laws = found.into_iter();
+        laws.map(|(behavior, steps)| (behavior, steps.contains(&0.0).then_some(steps)))
+            .collect()
     }
 
     /// The largest coefficient of an interaction, and its factor in each load step.
@@ -271,7 +306,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         &mut self,
         line: usize,
         name: Option<&str>,
-        sides: [&str; 2],
+        sides: [Name; 2],
         tolerance: Option<f64>,
     ) -> Result<()> {
         let [slave, master] = [

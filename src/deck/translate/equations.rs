@@ -5,6 +5,7 @@ use super::points::Given;
 use super::{Result, Translation, with_factors};
 use crate::deck::history::factors;
 use crate::deck::said::{MpcCard, MpcKind};
+use crate::mesh::abaqus::index::Name;
 use crate::mesh::abaqus::keyword::key;
 use crate::mesh::vector::{cross, dot, length, minus, unit};
 use crate::model::{Equal, Equation, Force};
@@ -83,15 +84,15 @@ impl<const D: usize> Translation<'_, '_, D> {
                 return Err((line, text.to_owned()));
             }
             // Nodes of sets are paired by their numbers.
-            let listed = |target: &str| {
-                let name = target.rsplit('.').next().unwrap_or_default();
+            let listed = |target: &Name| {
+                let name = target.text.rsplit('.').next().unwrap_or_default();
                 self.said.unsorted.contains(&key(name))
             };
             let several = sets
                 .iter()
                 .zip(&equation.terms)
                 .filter(|(set, _)| set.len() > 1);
-            let several: Vec<&str> = several.map(|(_, term)| term.0).collect();
+            let several: Vec<Name> = several.map(|(_, term)| term.0).collect();
             if let (2.., Some(target)) =
                 (several.len(), several.iter().find(|target| listed(target)))
             {
@@ -264,7 +265,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         let (line, name) = (card.line, card.name);
         let mut nodes: Vec<u32> = Vec::new();
         for target in &card.nodes {
-            for node in self.index.nodes(line, target)? {
+            for node in self.index.nodes(line, *target)? {
                 if !nodes.contains(&node) {
                     nodes.push(node);
                 }

@@ -3,10 +3,10 @@
 use super::nodes::linear;
 use super::{Result, Translation, quantities, with_factors};
 use crate::deck::history::{Tracks, factors};
-use crate::deck::said::{Kind, What};
+use crate::deck::said::{Kind, Load, What};
 use crate::mesh::vector::unit;
 use crate::model::{BodyForce, Number, Quantity, Temperature, Traction};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 /// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
 type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);
@@ -20,6 +20,11 @@ impl<const D: usize> Translation<'_, '_, D> {
         let mut volumes: Tracks<(String, [u64; 7])> = Tracks::default();
         // The first name of the same elements.
         let mut bodies: BTreeMap<Vec<u32>, String> = BTreeMap::new();
+        let on_faces = |load: &Load| matches!(load.what, What::Face { .. });
+        let outside: HashSet<(u32, usize)> = match self.said.loads.iter().any(on_faces) {
+            true => self.index.outside(|_| true).into_iter().collect(),
+            false => HashSet::new(),
+        };
         for load in &self.said.loads {
             let by = load.stated();
             let (line, step) = (by.line, by.step);
@@ -54,6 +59,13 @@ impl<const D: usize> Translation<'_, '_, D> {
                     for element in elements {
                         if !self.index.is_of_body(element) || !self.index.has_face(element, *face) {
                             return Err((line, format!("P{face} is not a face of this element")));
+                        }
+                        if !outside.contains(&(element, *face)) {
+                            let text = format!(
+                                "*DLOAD, P{face}: a face of \"{target}\" lies between elements, and pressures act on the outside of a body: \
+                                 name elements with that face outside"
+                            );
+                            return Err((line, text));
                         }
                         faces.load((element, *face), &origin, *value, by);
                     }
@@ -176,11 +188,25 @@ impl<const D: usize> Translation<'_, '_, D> {
                 parts.entry(section).or_default().push(element);
             }
         }
+        if parts.is_empty() && size != 0.0 {
+            let text =
+                format!("*DLOAD: \"{target}\" has no elements of bodies that it could act in");
+            self.refuse(line, "DLOAD", text);
+        }
         for (section, elements) in parts {
-            let density = if bits[0] == 2 {
-                1.0
-            } else {
-                self.material(section).density
+            let material = self.material(section);
+            let density = match (bits[0], material.density) {
+                (2, _) => 1.0,
+                (_, Some(density)) => density,
+                (_, None) if size == 0.0 => 0.0,
+                (_, None) => {
+                    let text = format!(
+                        "*DLOAD, GRAV or CENTRIF acts on mass: state the *DENSITY of *MATERIAL \"{}\"",
+                        material.name
+                    );
+                    self.refuse(line, "DLOAD", text);
+                    continue;
+                }
             };
             if size * density == 0.0 {
                 continue;

@@ -3,6 +3,7 @@
 use super::{Result, Translation, quantities, with_factors};
 use crate::deck::history::{Tracks, factors};
 use crate::deck::said::{Kind, Transform, What};
+use crate::mesh::abaqus::index::Name;
 use crate::mesh::vector::{cross, dot, minus, unit};
 use crate::model::{AXES, Axis, Force, Number, Support};
 use std::collections::{BTreeMap, BTreeSet};
@@ -103,7 +104,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 if kind == Kind::Boundary && axes.is_some() {
                     let text = "*BOUNDARY: directions must be the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
                     if reported.insert(load.line) {
-                        self.refuse(load.line, "TRANSFORM", text);
+                        self.refuse(load.line, "BOUNDARY", text);
                     }
                     continue;
                 }
@@ -121,8 +122,12 @@ impl<const D: usize> Translation<'_, '_, D> {
                     }
                     if component >= D {
                         if value != 0.0 && reported.insert(load.line) {
-                            let text = "in the plane there is no direction 3";
-                            self.refuse(load.line, "BOUNDARY", text);
+                            let keyword = match kind {
+                                Kind::Force => "CLOAD",
+                                _ => "BOUNDARY",
+                            };
+                            let text = format!("*{keyword}: in the plane there is no direction 3");
+                            self.refuse(load.line, keyword, text);
                         }
                         continue;
                     }
@@ -243,12 +248,12 @@ impl<const D: usize> Translation<'_, '_, D> {
     pub(super) fn set_of(
         &mut self,
         line: usize,
-        origin: &str,
+        origin: Name,
         nodes: &[u32],
         what: &'static str,
     ) -> Result<String> {
         let mut name = None;
-        if !origin.is_empty() {
+        if !origin.text.is_empty() {
             let all = self.index.nodes(line, origin)?;
             let of_bodies: Vec<u32> = (all.into_iter())
                 .filter(|&node| self.used[node as usize])
@@ -271,7 +276,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             Kind::Boundary => "support",
             _ => "force",
         };
-        let set = self.set_of(table.line, &table.origin, &table.nodes, what)?;
+        let set = self.set_of(table.line, table.origin.as_str().into(), &table.nodes, what)?;
         self.comes_from(table.line, what);
         let transform = table.transform.map(|number| &self.said.transforms[number]);
         let components = table.components.into_iter();
@@ -355,7 +360,7 @@ pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0
 
 impl Transform<'_> {
     /// Its two points.
-    fn points(&self) -> [[f64; 3]; 2] {
+    pub fn points(&self) -> [[f64; 3]; 2] {
         [[0, 1, 2], [3, 4, 5]].map(|of| of.map(|at| self.points[at]))
     }
 

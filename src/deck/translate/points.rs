@@ -224,7 +224,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             }
         };
         self.comes_from(card.line, "preload");
-        self.definition.preloads.push(preload.named(card.surface));
+        self.definition.preloads.push(preload.named(&surface.name));
         Ok(())
     }
 
@@ -262,7 +262,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             None => {
                 let mut nodes = Vec::new();
                 for set in &card.nodes {
-                    nodes.extend(self.index.nodes(card.line, set)?);
+                    nodes.extend(self.index.nodes(card.line, *set)?);
                 }
                 nodes.push(reference);
                 nodes.retain(|&node| self.used[node as usize]);
@@ -270,7 +270,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 nodes.dedup();
                 let origin = match card.nodes[..] {
                     [one] if self.index.set_name(true, one).is_some() => one,
-                    _ => "",
+                    _ => "".into(),
                 };
                 let places = nodes.iter().map(|&node| minus(self.index.place(node), at));
                 let sum = places.clone().fold([0.0; 3], |sum, way| {

@@ -16,9 +16,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         let held = self.held()?;
         let mut names = BTreeMap::new();
         for card in said.springs.iter().filter(|card| card.stiffness > 0.0) {
-            let part = card.part.as_deref();
-            let sets = self.index.elements_of_part(card.line, part, card.set)?;
-            for element in sets.into_iter().flat_map(|(_, elements)| elements) {
+            for element in self.index.elements(card.line, card.set)? {
                 self.spring(card, element, &held, &mut names)?;
             }
         }
@@ -79,7 +77,7 @@ impl<const D: usize> Translation<'_, '_, D> {
         for node in of_bodies {
             let name = match names.get(&node) {
                 Some(name) => String::clone(name),
-                None => self.set_of(line, "", &[node], "spring")?,
+                None => self.set_of(line, "".into(), &[node], "spring")?,
             };
             names.insert(node, name.clone());
             sets.push(name);

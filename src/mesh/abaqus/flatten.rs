@@ -13,10 +13,10 @@ use std::collections::{BTreeSet, HashMap};
 /// A part in its place; all of a flat file is one.
 pub(super) struct Placed<'a> {
     pub part: &'a Part,
-    /// In capitals; empty outside of instances.
+    /// As written; empty outside of instances.
+    name: String,
+    /// In capitals.
     pub key: String,
-    /// The prefix of its sets.
-    pub prefix: String,
     pub first_node: u32,
     pub first_element: u32,
 }
@@ -32,6 +32,14 @@ impl Placed<'_> {
     }
 }
 
+/// What names name. A set of nodes, a set of elements and a surface may have the same name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum What {
+    Nodes,
+    Elements,
+    Surface,
+}
+
 /// Sets go into sets no deeper than this.
 const DEEPEST: usize = 50;
 
@@ -42,12 +50,15 @@ pub(super) struct Flat<'a> {
     /// The kind of each element, and the start of its nodes.
     cells: Vec<(Cell, usize)>,
     nodes_of_cells: Vec<u32>,
-    pub tags: HashMap<String, i64>,
+    /// The tags of names in the mesh, by the dimension of what they name: 0 for sets of nodes.
+    tags: HashMap<(i64, String), i64>,
+    /// The names in the mesh of sets and surfaces: of each part in its place, by their names in capitals.
+    names: HashMap<(What, usize, String), String>,
     /// Element and tag.
     pub regions: Vec<(u32, i64)>,
     /// Facets with their tags.
     pub boundaries: Vec<(i64, Vec<u32>)>,
-    /// Node sets that become boundaries: tag and nodes.
+    /// Sets of nodes that become boundaries: tag and nodes.
     node_sets: Vec<(i64, Vec<u32>)>,
 }
 
@@ -59,8 +70,11 @@ impl<'a> Flat<'a> {
     /// Everything in its place, with its sets and surfaces.
     pub(super) fn new(assembly: &'a Assembly) -> Result<Self> {
         let mut flat = Self::place(assembly)?;
-        for number in 0..flat.placed.len() {
-            flat.sets(assembly, number)?;
+        flat.name_surfaces()?;
+        let curves = flat.name_elements()?;
+        flat.name_nodes()?;
+        for (tag, name) in curves {
+            flat.share(tag, 0, &name, 1);
         }
         Ok(flat)
     }
@@ -69,12 +83,6 @@ impl<'a> Flat<'a> {
     pub(super) fn finish(mut self, assembly: &Assembly) -> Raw {
         self.add_elements();
         self.add_boundaries();
-        let names: Vec<(String, i64)> = self.tags.into_iter().collect();
-        for (name, tag) in names {
-            for dimension in 1..4 {
-                (self.raw.names).insert((dimension, tag.unsigned_abs()), name.clone());
-            }
-        }
         self.raw.notes = assembly.notes.iter().cloned().collect();
         self.raw
     }
@@ -87,6 +95,7 @@ impl<'a> Flat<'a> {
             cells: Vec::new(),
             nodes_of_cells: Vec::new(),
             tags: HashMap::new(),
+            names: HashMap::new(),
             regions: Vec::new(),
             boundaries: Vec::new(),
             node_sets: Vec::new(),
@@ -108,9 +117,6 @@ impl<'a> Flat<'a> {
                 flat.add(part, name, |x| x)?;
             }
         }
-        if let [one] = flat.placed.as_mut_slice() {
-            one.prefix.clear();
-        }
         flat.add(&assembly.root, "", |x| x)?;
         Ok(flat)
     }
@@ -123,24 +129,32 @@ impl<'a> Flat<'a> {
     ) -> Result<()> {
         let placed = Placed {
             part,
+            name: name.to_owned(),
             key: key(name),
-            prefix: if name.is_empty() {
-                String::new()
-            } else {
-                format!("{name}.")
-            },
             first_node: self.raw.nodes.len() as u32,
             first_element: self.cells.len() as u32,
         };
         self.raw.nodes.extend(part.nodes.iter().map(|&x| moved(x)));
         for (&(cell, begin), &line) in part.elements.iter().zip(&part.lines) {
             self.cells.push((cell, self.nodes_of_cells.len()));
-            for label in &part.labels[begin..][..cell.n_nodes()] {
-                let Some(node) = part.node_of.get(label) else {
+            for at in begin..begin + cell.n_nodes() {
+                let label = part.labels[at];
+                let (of, first) = match part.instances.get(&at) {
+                    None => (part, placed.first_node),
+                    Some(name) => {
+                        let found = self.placed.iter().find(|placed| placed.key == *name);
+                        let found = found.ok_or_else(|| {
+                            let text = format!("there is no instance \"{name}\"");
+                            Failure::line(line, text)
+                        })?;
+                        (found.part, found.first_node)
+                    }
+                };
+                let Some(node) = of.node_of.get(&label) else {
                     let text = format!("an element names node {label}, which does not exist");
                     return Err(Failure::line(line, text));
                 };
-                self.nodes_of_cells.push(placed.first_node + node);
+                self.nodes_of_cells.push(first + node);
             }
         }
         self.placed.push(placed);
@@ -160,7 +174,6 @@ impl<'a> Flat<'a> {
     }
 
     /// Whether there are volume elements.
-    #[cfg(feature = "case")]
     pub(super) fn has_solids(&self) -> bool {
         let is_solid =
             |&(cell, _): &(Cell, usize)| matches!(cell, Cell::Element(_)) && !cell.is_surface();
@@ -174,44 +187,181 @@ impl<'a> Flat<'a> {
         matches!(cell, Cell::Element(_)) && cell.is_surface() != is_solid
     }
 
-    /// The number of a name.
-    pub(super) fn tag(&mut self, name: String) -> i64 {
-        let next = self.tags.len() as i64 + 1;
-        *self.tags.entry(name).or_insert(next)
+    /// The dimension of bodies.
+    pub(super) fn dimension(&self) -> i64 {
+        if self.has_solids() { 3 } else { 2 }
     }
 
-    /// The sets and surfaces of a part in its place.
-    fn sets(&mut self, assembly: &Assembly, number: usize) -> Result<()> {
-        let (part, prefix) = (self.placed[number].part, self.placed[number].prefix.clone());
-        let visible = |sets: &'a Sets| sets.iter().filter(|(_, set)| !set.internal);
-        for (name, set) in visible(&part.element_sets) {
-            // CAE makes an element set beside the node set of each face that it names: it is not a region, if sections
-            // name others.
-            let twin = part.node_sets.contains_key(name);
-            let has_section = assembly.sections.contains(name);
-            if twin && !has_section && !assembly.sections.is_empty() {
+    /// The tag of a name of something that has so many dimensions, 0 of a set of nodes.
+    pub(super) fn tag(&mut self, dimension: i64, name: &str) -> i64 {
+        let next = self.tags.len() as i64 + 1;
+        let tag = *(self.tags.entry((dimension, name.to_owned()))).or_insert(next);
+        self.raw
+            .names
+            .insert((dimension, tag as u64), name.to_owned());
+        tag
+    }
+
+    /// The tag of a name, if something with so many dimensions has it.
+    pub(super) fn known(&self, dimension: i64, name: &str) -> Option<i64> {
+        self.tags.get(&(dimension, name.to_owned())).copied()
+    }
+
+    /// Gives the parts with `of` dimensions of what has a tag its name as well, unless something else has it among those of `dimension`.
+    fn share(&mut self, tag: i64, dimension: i64, name: &str, of: i64) {
+        if self.known(dimension, name).is_none() {
+            self.tags.insert((dimension, name.to_owned()), tag);
+            self.raw.names.insert((of, tag as u64), name.to_owned());
+        }
+    }
+
+    /// The name in the mesh of a set or surface of a part in its place, by its name in capitals.
+    #[cfg(feature = "case")]
+    pub(super) fn name(&self, what: What, number: usize, key: &str) -> Option<&str> {
+        let name = self.names.get(&(what, number, key.to_owned()));
+        name.map(String::as_str)
+    }
+
+    /// The name in the mesh of something with its own name in a part: the own one if it is free, with that of the instance before it
+    /// where there are several or it is not free, and then with the kind behind it.
+    fn choose(
+        &mut self,
+        what: What,
+        number: usize,
+        own: &str,
+        is_free: impl Fn(&Self, &str) -> bool,
+    ) -> String {
+        let instance = &self.placed[number].name;
+        let long = match instance.is_empty() {
+            true => own.to_owned(),
+            false => format!("{instance}.{own}"),
+        };
+        // Beside one instance there is only the data outside of parts.
+        let short = (self.placed.len() <= 2).then(|| own.to_owned());
+        let suffix = match what {
+            What::Nodes => "nodes",
+            What::Elements => "elements",
+            What::Surface => "surface",
+        };
+        let numbered = (2..).map(|n| format!("{long}-{suffix}-{n}"));
+        let mut all = (short.into_iter())
+            .chain([long.clone(), format!("{long}-{suffix}")])
+            .chain(numbered);
+        let name = all.find(|name| is_free(self, name));
+        let name = name.expect("numbers are without end");
+        self.names.insert((what, number, key(own)), name.clone());
+        name
+    }
+
+    /// The numbers of all parts in their places, data outside of parts first: keywords name these without an instance.
+    fn scopes(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.placed.len()).rev()
+    }
+
+    /// The sets of all parts, and whether they are in the mesh: these come first.
+    fn all_sets(
+        &self,
+        of: fn(&'a Part) -> &'a Sets,
+        counts: impl Fn(usize, &str) -> bool,
+    ) -> Vec<(usize, &'a Set, bool)> {
+        let mut all: Vec<_> = (self.scopes())
+            .flat_map(|number| {
+                let sets = of(self.placed[number].part).iter();
+                sets.map(move |(key, set)| (number, key, set))
+            })
+            .map(|(number, key, set)| (number, set, !set.internal && counts(number, key)))
+            .collect();
+        all.sort_by_key(|one| !one.2);
+        all
+    }
+
+    /// Surfaces of faces are boundaries.
+    fn name_surfaces(&mut self) -> Result<()> {
+        let facets = self.dimension() - 1;
+        for number in self.scopes() {
+            let surfaces = self.placed[number].part.surfaces.values();
+            for surface in surfaces.filter(|surface| !surface.of_nodes) {
+                let is_free = |flat: &Self, name: &str| flat.known(facets, name).is_none();
+                let name = self.choose(What::Surface, number, &surface.name, is_free);
+                let tag = self.tag(facets, &name);
+                self.surface(number, tag, surface)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets of elements are regions. Their facets are a boundary, unless that is a surface. Returns those with curves in space, which
+    /// are sets of nodes.
+    fn name_elements(&mut self) -> Result<Vec<(i64, String)>> {
+        let mut curves = Vec::new();
+        let dimension = self.dimension();
+        let root = self.placed[self.placed.len() - 1].part;
+        let has_sections = self.placed.iter().any(|one| !one.part.sections.is_empty());
+        // CAE makes an element set beside the node set of each face that it names: it is not a region, if sections name others.
+        let counts = |number: usize, name: &str| {
+            let Placed { part, key, .. } = &self.placed[number];
+            let has_section =
+                part.sections.contains(name) || root.sections.contains(&format!("{key}.{name}"));
+            has_section || !has_sections || !part.node_sets.contains_key(name)
+        };
+        for (number, set, counts) in self.all_sets(|part| &part.element_sets, counts) {
+            let is_free = |flat: &Self, name: &str| flat.known(dimension, name).is_none();
+            let name = self.choose(What::Elements, number, &set.name, is_free);
+            let tag = self.tag(dimension, &name);
+            if !counts {
                 continue;
             }
             let members = self.members(number, false, set, 0)?;
-            let tag = self.tag(format!("{prefix}{}", set.name));
-            self.regions
-                .extend(members.into_iter().map(|element| (element, tag)));
+            let cells = || members.iter().map(|&element| self.cell(element as usize).0);
+            let has_faces = cells().any(Cell::is_surface);
+            let has_lines = cells().any(|cell| matches!(cell, Cell::Line | Cell::Line3));
+            match dimension {
+                2 if has_lines => self.share(tag, 1, &name, 1),
+                3 if has_faces => self.share(tag, 2, &name, 2),
+                _ => {}
+            }
+            if has_lines && dimension == 3 {
+                curves.push((tag, name));
+            }
+            let members = members.into_iter();
+            self.regions.extend(members.map(|element| (element, tag)));
         }
-        for set in visible(&part.node_sets).map(|(_, set)| set) {
-            let members = self.members(number, true, set, 0)?;
-            let tag = self.tag(format!("{prefix}{}", set.name));
-            self.node_sets.push((tag, members));
+        Ok(curves)
+    }
+
+    /// Sets of nodes, and surfaces of nodes. Their facets are a boundary, unless that is a surface or of elements.
+    fn name_nodes(&mut self) -> Result<()> {
+        let facets = self.dimension() - 1;
+        for (number, set, counts) in self.all_sets(|part| &part.node_sets, |_, _| true) {
+            let is_free = |flat: &Self, name: &str| flat.known(0, name).is_none();
+            let name = self.choose(What::Nodes, number, &set.name, is_free);
+            let tag = self.tag(0, &name);
+            if counts {
+                let members = self.members(number, true, set, 0)?;
+                self.share(tag, facets, &name, facets);
+                self.node_sets.push((tag, members));
+            }
         }
-        for surface in part.surfaces.values() {
-            let tag = self.tag(format!("{prefix}{}", surface.name));
-            if surface.of_nodes {
+        for number in self.scopes() {
+            let surfaces = self.placed[number].part.surfaces.values();
+            for surface in surfaces.filter(|surface| surface.of_nodes) {
                 let mut nodes = Vec::new();
                 for (line, what, _) in &surface.faces {
                     nodes.extend(self.named(number, true, *line, what)?);
                 }
+                nodes.sort_unstable();
+                nodes.dedup();
+                // A surface with the nodes of the set of its name is that set.
+                let same = |flat: &Self, tag: i64| flat.node_sets.contains(&(tag, nodes.clone()));
+                let is_free = |flat: &Self, name: &str| {
+                    let tag = flat.known(0, name);
+                    let facets = flat.known(facets, name);
+                    tag.is_none_or(|tag| same(flat, tag)) && (facets.is_none() || facets == tag)
+                };
+                let name = self.choose(What::Surface, number, &surface.name, is_free);
+                let tag = self.tag(0, &name);
+                self.share(tag, facets, &name, facets);
                 self.node_sets.push((tag, nodes));
-            } else {
-                self.surface(number, tag, surface)?;
             }
         }
         Ok(())
@@ -320,22 +470,11 @@ impl<'a> Flat<'a> {
         if let Ok(label) = what.parse() {
             return Ok(vec![self.one(number, of_nodes, line, None, label)?]);
         }
-        if let Some((instance, label)) = what.rsplit_once('.')
-            && let Ok(label) = label.parse()
-        {
-            let instance = key(instance);
-            return Ok(vec![self.one(
-                number,
-                of_nodes,
-                line,
-                Some(&instance),
-                label,
-            )?]);
-        }
         self.set(number, of_nodes, line, &key(what), 0)
     }
 
-    /// The members of a set by its name in capitals: of the part, or of an instance as `INSTANCE.SET`.
+    /// The members of a set by its name in capitals: of the part, or of an instance as `INSTANCE.SET`; or what an instance has under
+    /// a number, `INSTANCE.5`.
     fn set(
         &self,
         number: usize,
@@ -355,18 +494,25 @@ impl<'a> Flat<'a> {
         if let Some(set) = sets(number).get(name) {
             return self.members(number, of_nodes, set, depth);
         }
-        let inside = |(other, placed): (usize, &Placed)| {
-            let rest = name.strip_prefix(placed.key.as_str())?.strip_prefix('.')?;
-            Some((other, sets(other).get(rest)?))
-        };
-        match self.placed.iter().enumerate().find_map(inside) {
-            Some((other, set)) => self.members(other, of_nodes, set, depth),
-            None => {
-                let what = if of_nodes { "node" } else { "element" };
-                let text = format!("there is no {what} set \"{name}\"");
-                Err(Failure::line(line, text))
-            }
+        let within = |placed: &Placed| name.strip_prefix(placed.key.as_str())?.strip_prefix('.');
+        let inside =
+            |(other, placed): (usize, &Placed)| Some((other, sets(other).get(within(placed)?)?));
+        if let Some((other, set)) = self.placed.iter().enumerate().find_map(inside) {
+            return self.members(other, of_nodes, set, depth);
         }
+        let labelled = |placed: &Placed| Some((placed.key.clone(), within(placed)?.parse().ok()?));
+        if let Some((instance, label)) = self.placed.iter().find_map(labelled) {
+            let one = self.one(number, of_nodes, line, Some(&instance), label)?;
+            return Ok(vec![one]);
+        }
+        let what = if of_nodes { "node" } else { "element" };
+        let text = match name.rsplit_once('.') {
+            Some((instance, label)) if label.parse::<u64>().is_ok() => {
+                format!("there is no {what} set \"{name}\", nor an instance \"{instance}\"")
+            }
+            _ => format!("there is no {what} set \"{name}\""),
+        };
+        Err(Failure::line(line, text))
     }
 
     /// The part itself, or an instance by its name in capitals.
@@ -407,8 +553,16 @@ impl<'a> Flat<'a> {
         let (mut last, mut set) = (Vec::new(), 0);
         for (number, &(cell, begin)) in (0..).zip(&self.cells) {
             tags.clear();
+            let of = match cell {
+                Cell::Line | Cell::Line3 => 1,
+                _ if cell.is_surface() => 2,
+                _ => 3,
+            };
             while let Some((_, tag)) = regions.next_if(|region| region.0 == number) {
-                tags.push(*tag);
+                // Elsewhere something else has its name.
+                if self.raw.names.contains_key(&(of, *tag as u64)) {
+                    tags.push(*tag);
+                }
             }
             if tags != last {
                 set = self.raw.groups.number(tags.iter().copied());
@@ -432,9 +586,13 @@ impl<'a> Flat<'a> {
             outer(&self.raw.faces, self.raw.nodes.len())
         };
         let mut inside = vec![false; self.raw.nodes.len()];
-        let names: HashMap<i64, &String> =
-            self.tags.iter().map(|(name, tag)| (*tag, name)).collect();
+        let facets = self.dimension() - 1;
         for (tag, nodes) in &self.node_sets {
+            let name = &self.raw.names[&(0, *tag as u64)];
+            self.raw.node_sets.push((name.clone(), nodes.clone()));
+            if !self.raw.names.contains_key(&(facets, *tag as u64)) {
+                continue;
+            }
             let before = all.len();
             nodes.iter().for_each(|&node| inside[node as usize] = true);
             // A set without nodes in the middle of sides names facets by their corners.
@@ -446,10 +604,8 @@ impl<'a> Flat<'a> {
                 }
             }
             nodes.iter().for_each(|&node| inside[node as usize] = false);
-            let set = (names[tag].clone(), nodes.clone());
-            self.raw.node_sets.push(set);
             if let (Some(&node), true) = (nodes.first(), all.len() == before) {
-                let none = (names[tag].clone(), self.raw.nodes[node as usize]);
+                let none = (name.clone(), self.raw.nodes[node as usize]);
                 self.raw.without_facets.push(none);
             }
         }
@@ -495,7 +651,7 @@ where
 }
 
 /// A point of a part where its instance puts it: shifted, then turned about an axis.
-fn moved(instance: &Instance, x: [f64; 3]) -> [f64; 3] {
+pub(super) fn moved(instance: &Instance, x: [f64; 3]) -> [f64; 3] {
     let x: [f64; 3] = std::array::from_fn(|c| x[c] + instance.shift[c]);
     let Some([ax, ay, az, bx, by, bz, degrees]) = instance.turn else {
         return x;

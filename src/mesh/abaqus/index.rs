@@ -1,16 +1,17 @@
 //! A whole deck: its text, and the nodes, elements and surfaces that its keywords name.
 
 use super::checked;
-use super::flatten::Flat;
+use super::flatten::{Flat, What, moved};
 use super::keyword::{Keyword, is_keyword, key};
-use super::parts::{self, Assembly};
+use super::parts::{self, Assembly, Part};
 use super::text::Text;
 use super::types::face;
-use crate::mesh::AnyMesh;
 use crate::mesh::file::build::build;
 use crate::mesh::file::raw::Cell;
 use crate::mesh::file::{self, Failure, FileError};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use crate::mesh::{AnyMesh, MeshError};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::fmt::{Display, Formatter};
 use std::path::Path;
 
 /// A line of the text, from 1, and its fault.
@@ -21,8 +22,34 @@ pub(crate) struct Card<'a> {
     pub keyword: Keyword<'a>,
     /// Each with its number.
     pub data: Vec<(usize, &'a str)>,
-    /// The name of its part, in capitals.
-    pub part: Option<String>,
+    /// Where the part is placed that it is in, or the instance; None outside of these.
+    pub places: Option<Vec<usize>>,
+}
+
+/// A name or a number as a keyword states it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Name<'a> {
+    pub text: &'a str,
+    /// The place of the part in which it has its meaning; None outside of parts.
+    pub place: Option<usize>,
+}
+
+impl<'a> From<&'a str> for Name<'a> {
+    fn from(text: &'a str) -> Self {
+        Self { text, place: None }
+    }
+}
+
+impl<'a> From<&&'a str> for Name<'a> {
+    fn from(text: &&'a str) -> Self {
+        Self::from(*text)
+    }
+}
+
+impl Display for Name<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.text)
+    }
 }
 
 /// A deck that has been read.
@@ -67,7 +94,8 @@ impl Deck {
     /// All keywords in order.
     pub fn cards(&self) -> Vec<Card<'_>> {
         let mut cards: Vec<Card> = Vec::new();
-        let mut part = None;
+        let mut places = None;
+        let mut n_instances = 0;
         let mut lines = (1..).zip(self.text.text.lines());
         while let Some((line, text)) = lines.next() {
             let text = text.trim();
@@ -82,17 +110,30 @@ impl Deck {
             };
             keyword.complete(text, || lines.next().map(|(_, more)| more));
             match keyword.name.as_str() {
-                "PART" => part = keyword.option("NAME").map(key),
-                "END PART" => part = None,
+                "PART" => {
+                    let name = keyword.option("NAME").map(key);
+                    places = Some(self.assembly.places(&name.unwrap_or_default()));
+                }
+                "INSTANCE" => {
+                    places = Some(vec![n_instances]);
+                    n_instances += 1;
+                }
+                "END PART" | "END INSTANCE" => places = None,
                 _ => {}
             }
             cards.push(Card {
                 keyword,
                 data: Vec::new(),
-                part: part.clone(),
+                places: places.clone(),
             });
         }
         cards
+    }
+
+    /// A point of a part where it is placed.
+    pub fn moved(&self, place: usize, x: [f64; 3]) -> [f64; 3] {
+        let instance = self.assembly.instances.get(place);
+        instance.map_or(x, |instance| moved(instance, x))
     }
 
     /// The meaning of its names.
@@ -127,6 +168,14 @@ pub(crate) struct Surface {
     pub nodes: Option<Vec<u32>>,
 }
 
+/// An element as it is stated.
+struct Stated {
+    line: usize,
+    label: u64,
+    /// The position of its first node.
+    first: [f64; 3],
+}
+
 fn wrong(failure: Failure) -> Wrong {
     match failure {
         Failure::Line { number, message } => (number, message),
@@ -136,81 +185,72 @@ fn wrong(failure: Failure) -> Wrong {
 }
 
 impl Index<'_> {
-    /// The number of the data outside of parts.
-    fn root(&self) -> usize {
-        self.flat.placed.len() - 1
+    /// Where a name has its meaning: the data outside of parts come last.
+    fn scope(&self, name: Name) -> usize {
+        name.place.unwrap_or(self.flat.placed.len() - 1)
     }
 
     /// The nodes of a set, or the node with this number; sorted.
-    pub fn nodes(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
-        (self.flat.named(self.root(), true, line, what)).map_err(wrong)
+    pub fn nodes<'n>(&self, line: usize, what: impl Into<Name<'n>>) -> Result<Vec<u32>, Wrong> {
+        let what = what.into();
+        let nodes = self.flat.named(self.scope(what), true, line, what.text);
+        nodes.map_err(wrong)
     }
 
     /// The elements of a set, or the element with this number; sorted.
-    pub fn elements(&self, line: usize, what: &str) -> Result<Vec<u32>, Wrong> {
-        (self.flat.named(self.root(), false, line, what)).map_err(wrong)
+    pub fn elements<'n>(&self, line: usize, what: impl Into<Name<'n>>) -> Result<Vec<u32>, Wrong> {
+        let what = what.into();
+        let elements = self.flat.named(self.scope(what), false, line, what.text);
+        elements.map_err(wrong)
     }
 
-    /// The elements of a set of a part in all of its instances, each with the name of the set there.
-    pub fn elements_of_part(
+    /// What has a name, of the part in which it is stated or as `INSTANCE.NAME`: where, and its name there in capitals.
+    fn find<T>(
         &self,
-        line: usize,
-        part: Option<&str>,
-        set: &str,
-    ) -> Result<Vec<(String, Vec<u32>)>, Wrong> {
-        let Some(part) = part else {
-            let name = self.set_name(false, set).unwrap_or_else(|| set.to_owned());
-            return Ok(vec![(name, self.elements(line, set)?)]);
-        };
-        let parts = &self.deck.assembly.parts;
-        let number = parts.iter().position(|(name, _)| key(name) == part);
-        let part = number.map(|number| &parts[number].1);
-        let mut all = Vec::new();
-        for (number, placed) in self.flat.placed.iter().enumerate() {
-            if part.is_some_and(|part| std::ptr::eq(part, placed.part)) {
-                let members = self.flat.named(number, false, line, set);
-                let own = placed.part.element_sets.get(&key(set));
-                let name = own.map_or(set, |set| set.name.as_str());
-                all.push((format!("{}{name}", placed.prefix), members.map_err(wrong)?));
-            }
-        }
-        Ok(all)
-    }
-
-    /// The name of a set in the mesh; None for a number.
-    pub fn set_name(&self, of_nodes: bool, what: &str) -> Option<String> {
-        let what = key(what);
-        self.flat.placed.iter().rev().find_map(|placed| {
-            let sets = match of_nodes {
-                true => &placed.part.node_sets,
-                false => &placed.part.element_sets,
-            };
-            let own = match placed.key.as_str() {
-                "" => Some(what.as_str()),
-                name => what.strip_prefix(name)?.strip_prefix('.'),
-            };
-            let set = sets.get(own?)?;
-            Some(format!("{}{}", placed.prefix, set.name))
+        what: Name,
+        of: impl Fn(&Part) -> &BTreeMap<String, T>,
+    ) -> Option<(usize, String, &T)> {
+        let wanted = key(what.text);
+        let own = std::iter::once((self.scope(what), wanted.as_str()));
+        let placed = self.flat.placed.iter().enumerate();
+        let of_instances = placed.filter_map(|(number, placed)| {
+            let rest = wanted.strip_prefix(placed.key.as_str())?;
+            Some((number, rest.strip_prefix('.')?))
+        });
+        own.chain(of_instances).find_map(|(number, name)| {
+            let found = of(self.flat.placed[number].part).get(name)?;
+            Some((number, name.to_owned(), found))
         })
     }
 
-    /// A surface as it is stated, of the assembly or as `INSTANCE.SURFACE`, with the number of its instance.
-    fn stated_surface(&self, line: usize, what: &str) -> Result<(usize, &parts::Surface), Wrong> {
-        let wanted = key(what);
-        let found = (self.flat.placed.iter().enumerate().rev()).find_map(|(number, placed)| {
-            let own = match placed.key.as_str() {
-                "" => Some(wanted.as_str()),
-                name => wanted.strip_prefix(name)?.strip_prefix('.'),
-            };
-            Some((number, placed.part.surfaces.get(own?)?))
+    /// The name of a set in the mesh; None for a number.
+    pub fn set_name<'n>(&self, of_nodes: bool, what: impl Into<Name<'n>>) -> Option<String> {
+        let (sets, kind): (fn(&Part) -> &parts::Sets, _) = match of_nodes {
+            true => (|part| &part.node_sets, What::Nodes),
+            false => (|part| &part.element_sets, What::Elements),
+        };
+        let (number, name, _) = self.find(what.into(), sets)?;
+        self.flat.name(kind, number, &name).map(str::to_owned)
+    }
+
+    /// A surface as it is stated, with the number of its instance and its name in the mesh.
+    fn stated_surface(
+        &self,
+        line: usize,
+        what: Name,
+    ) -> Result<(usize, &str, &parts::Surface), Wrong> {
+        let found = self.find(what, |part| &part.surfaces);
+        let named = found.and_then(|(number, key, surface)| {
+            let name = self.flat.name(What::Surface, number, &key)?;
+            Some((number, name, surface))
         });
-        found.ok_or_else(|| (line, format!("there is no surface \"{what}\"")))
+        named.ok_or_else(|| (line, format!("there is no surface \"{what}\"")))
     }
 
     /// From the middle of the elements of a surface to that of their faces in it, summed over all: outwards. Zero of faces that
     /// have no number.
-    pub fn outward(&self, line: usize, what: &str) -> Result<[f64; 3], Wrong> {
-        let (number, surface) = self.stated_surface(line, what)?;
+    pub fn outward(&self, line: usize, what: Name) -> Result<[f64; 3], Wrong> {
+        let (number, _, surface) = self.stated_surface(line, what)?;
         let mut sum = [0.0; 3];
         let mut add = |nodes: &[u32], sign: f64| {
             for node in nodes {
@@ -235,9 +275,8 @@ impl Index<'_> {
     }
 
     /// A surface, of the assembly or as `INSTANCE.SURFACE`.
-    pub fn surface(&self, line: usize, what: &str) -> Result<Surface, Wrong> {
-        let (number, surface) = self.stated_surface(line, what)?;
-        let name = format!("{}{}", self.flat.placed[number].prefix, surface.name);
+    pub fn surface<'n>(&self, line: usize, what: impl Into<Name<'n>>) -> Result<Surface, Wrong> {
+        let (number, name, surface) = self.stated_surface(line, what.into())?;
         let mut nodes = None;
         if surface.of_nodes {
             let mut all = Vec::new();
@@ -249,6 +288,7 @@ impl Index<'_> {
             all.dedup();
             nodes = Some(all);
         }
+        let name = name.to_owned();
         Ok(Surface { name, nodes })
     }
 
@@ -328,7 +368,7 @@ impl Index<'_> {
     }
 
     /// The faces of the outside, of which only some may count, by their corners: each with its element and number, in order.
-    fn outside(&self, counts: impl Fn(&[u32]) -> bool) -> Vec<(u32, usize)> {
+    pub fn outside(&self, counts: impl Fn(&[u32]) -> bool) -> Vec<(u32, usize)> {
         // None: between two elements.
         let mut faces: HashMap<[u32; 4], Option<(u32, usize)>> = HashMap::new();
         for element in (0..self.n_elements() as u32).filter(|&e| self.is_of_body(e)) {
@@ -376,9 +416,9 @@ impl Index<'_> {
 
     /// The corners of the faces of a surface, by its name in the mesh; sorted.
     pub fn corners_of(&self, surface: &str) -> Vec<u32> {
-        let tag = self.flat.tags.get(surface);
+        let tag = self.flat.known(self.flat.dimension() - 1, surface);
         let all = self.flat.boundaries.iter();
-        let of_surface = all.filter(|one| Some(&one.0) == tag);
+        let of_surface = all.filter(|one| Some(one.0) == tag);
         let mut nodes: Vec<u32> = of_surface.flat_map(|one| &one.1).copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -388,9 +428,9 @@ impl Index<'_> {
     /// Whether two surfaces, by their names in the mesh, have a face in common.
     pub fn have_common_face(&self, surfaces: [&str; 2]) -> bool {
         let [here, there] = surfaces.map(|name| {
-            let tag = self.flat.tags.get(name);
+            let tag = self.flat.known(self.flat.dimension() - 1, name);
             let all = self.flat.boundaries.iter();
-            let corners = all.filter(|one| Some(&one.0) == tag).map(|one| {
+            let corners = all.filter(|one| Some(one.0) == tag).map(|one| {
                 let mut corners = one.1.clone();
                 corners.sort_unstable();
                 corners
@@ -408,14 +448,14 @@ impl Index<'_> {
 
     /// Makes elements a region, or part of it.
     pub fn add_region(&mut self, name: &str, elements: &[u32]) {
-        let tag = self.flat.tag(name.to_owned());
+        let tag = self.flat.tag(self.flat.dimension(), name);
         let elements = elements.iter().map(|&element| (element, tag));
         self.flat.regions.extend(elements);
     }
 
     /// Makes faces a boundary; each has to be a face of the mesh.
     pub fn add_boundary(&mut self, name: &str, faces: &[(u32, usize)]) {
-        let tag = self.flat.tag(name.to_owned());
+        let tag = self.flat.tag(self.flat.dimension() - 1, name);
         for &(element, number) in faces {
             let corners = self.face(element, number).expect("it has been asked for");
             self.flat.boundaries.push((tag, corners));
@@ -435,13 +475,48 @@ impl Index<'_> {
 
     /// Whether a name is that of a set or a surface.
     pub fn is_taken(&self, name: &str) -> bool {
-        self.flat.tags.contains_key(name)
+        (0..=3).any(|dimension| self.flat.known(dimension, name).is_some())
     }
 
     /// The mesh.
     pub fn finish(self) -> Result<AnyMesh, FileError> {
+        let stated = self.stated_elements();
         let raw = checked(self.flat.finish(&self.deck.assembly));
         let mesh = raw.and_then(|raw| build(raw, 1.0));
-        mesh.map_err(|failure| self.deck.text.locate(failure))
+        mesh.map_err(|mut failure| {
+            if let Failure::Mesh(
+                error @ (MeshError::Degenerate { .. } | MeshError::Folded { .. }),
+            ) = &mut failure
+                && let MeshError::Degenerate { element, place }
+                | MeshError::Folded { element, place, .. } = error
+            {
+                // Copies of elements have been left out.
+                let is_first = |one: &&Stated| one.first[..place.0.len()] == place.0[..];
+                if let Some(stated) = stated[*element..].iter().find(is_first) {
+                    *element = stated.label as usize;
+                    failure = Failure::line(stated.line, error.to_string());
+                }
+            }
+            self.deck.text.locate(failure)
+        })
+    }
+
+    /// The elements of bodies in the order of the mesh.
+    fn stated_elements(&self) -> Vec<Stated> {
+        let mut all = Vec::new();
+        for placed in &self.flat.placed {
+            let mut labels = vec![0; placed.part.elements.len()];
+            for (&label, &own) in &placed.part.element_of {
+                labels[own as usize] = label;
+            }
+            for (own, (label, &line)) in (0..).zip(labels.into_iter().zip(&placed.part.lines)) {
+                let element = placed.first_element + own;
+                if self.is_of_body(element) {
+                    let first = self.place(self.ends(element)[0]);
+                    all.push(Stated { line, label, first });
+                }
+            }
+        }
+        all
     }
 }

@@ -27,6 +27,78 @@ pub(crate) fn plain(name: &str) -> &str {
     name.trim().trim_matches('"').trim()
 }
 
+/// Whether two names of keywords or options in capitals are the same: CalculiX does not see blanks.
+pub(crate) fn same(one: &str, other: &str) -> bool {
+    let letters = |name| str::chars(name).filter(|&c| c != ' ');
+    letters(one).eq(letters(other))
+}
+
+/// Keywords with blanks, which may be left out.
+const SPACED: [&str; 23] = [
+    "CHANGE FRICTION",
+    "CHANGE SURFACE BEHAVIOR",
+    "CONTACT EXCLUSIONS",
+    "CONTACT INCLUSIONS",
+    "CONTACT INITIALIZATION ASSIGNMENT",
+    "CONTACT INITIALIZATION DATA",
+    "CONTACT PAIR",
+    "CONTACT PROPERTY ASSIGNMENT",
+    "CYCLIC SYMMETRY MODEL",
+    "DISTRIBUTING COUPLING",
+    "END ASSEMBLY",
+    "END INSTANCE",
+    "END PART",
+    "END STEP",
+    "INITIAL CONDITIONS",
+    "KINEMATIC COUPLING",
+    "MODEL CHANGE",
+    "PRE-TENSION SECTION",
+    "RIGID BODY",
+    "ROTARY INERTIA",
+    "SOLID SECTION",
+    "SURFACE BEHAVIOR",
+    "SURFACE INTERACTION",
+];
+
+/// The options of keywords about the mesh.
+const OF_MESH: [(&str, &[&str]); 5] = [
+    ("NODE", &["NSET", "SYSTEM"]),
+    ("ELEMENT", &["TYPE", "ELSET", "SOLID ELEMENT NUMBERING"]),
+    (
+        "NSET",
+        &[
+            "NSET",
+            "ELSET",
+            // Without any meaning, but in a deck of CalculiX.
+            "FREQUENCY",
+            "GENERATE",
+            "INSTANCE",
+            "INTERNAL",
+            "SORTED",
+            "UNSORTED",
+        ],
+    ),
+    (
+        "ELSET",
+        &[
+            "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "SORTED", "UNSORTED",
+        ],
+    ),
+    (
+        "SURFACE",
+        &[
+            "NAME",
+            "TYPE",
+            "INTERNAL",
+            "NO OFFSET",
+            "NO THICK",
+            "PROPERTY",
+            "REGION TYPE=SURFACE",
+            "TRIM",
+        ],
+    ),
+];
+
 impl<'a> Keyword<'a> {
     /// Reads a keyword line; None if `line` is not one.
     pub fn parse(line: usize, text: &'a str) -> Option<Self> {
@@ -35,14 +107,16 @@ impl<'a> Keyword<'a> {
             return None;
         }
         let mut parts = text[1..].split(',');
-        let words: Vec<&str> = parts
-            .next()
-            .unwrap_or_default()
-            .split_whitespace()
-            .collect();
+        let words = parts.next().unwrap_or_default().split_whitespace();
+        let name = words.collect::<Vec<&str>>().join(" ").to_uppercase();
+        let mut known = SPACED.iter();
+        let name = match known.find(|known| same(known, &name)) {
+            Some(known) => (*known).to_owned(),
+            None => name,
+        };
         let mut keyword = Self {
             line,
-            name: words.join(" ").to_uppercase(),
+            name,
             options: Vec::new(),
         };
         keyword.add(parts);
@@ -62,6 +136,9 @@ impl<'a> Keyword<'a> {
     pub fn complete(&mut self, mut last: &'a str, mut next: impl FnMut() -> Option<&'a str>) {
         while last.trim().ends_with(',') {
             let Some(more) = next() else { break };
+            if more.trim().starts_with("**") {
+                continue;
+            }
             last = more;
             self.add(last.trim().split(','));
         }
@@ -69,8 +146,40 @@ impl<'a> Keyword<'a> {
 
     /// The value of an option, empty where it has none; None without the option.
     pub fn option(&self, name: &str) -> Option<&'a str> {
-        let found = self.options.iter().find(|option| option.0 == name);
+        let found = self.options.iter().find(|option| same(&option.0, name));
         found.map(|option| option.1)
+    }
+
+    /// The options of a keyword except these, given by name or, with a value, as `NAME=VALUE`: each with what is wrong about it,
+    /// and without a name where it cannot be left out.
+    pub fn unknown(&self, known: &[&str]) -> impl Iterator<Item = (&str, String)> {
+        let rest = self.options.iter().filter_map(move |(name, value)| {
+            let whole = format!("{name}={}", value.to_uppercase());
+            let is_known = |known: &&str| same(known, name) || same(known, &whole);
+            let is_read = name == "INPUT" || known.iter().any(is_known);
+            (!is_read).then_some((name.as_str(), value, whole))
+        });
+        rest.map(|(name, value, whole)| match parsed(name) {
+            // Nothing is left to read without it.
+            Some(_) => {
+                let text = format!(
+                    "*{}: its line ends with a comma and goes on in the next one, whose numbers are no options: remove that comma",
+                    self.name
+                );
+                ("", text)
+            }
+            None => {
+                let shown = if value.is_empty() { name } else { &whole };
+                let text = format!("*{}, {shown}: this option is not understood", self.name);
+                (name, text)
+            }
+        })
+    }
+
+    /// The known options of a keyword about the mesh: those of shells change nothing here.
+    pub fn of_mesh(&self) -> Option<&'static [&'static str]> {
+        let known = OF_MESH.iter().find(|known| known.0 == self.name);
+        known.map(|known| known.1)
     }
 
     /// The value of a required option.

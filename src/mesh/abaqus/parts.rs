@@ -16,6 +16,8 @@ pub(super) struct Part {
     pub elements: Vec<(Cell, usize)>,
     /// The numbers of the nodes of all elements, in our order.
     pub labels: Vec<u64>,
+    /// The instances, in capitals, whose nodes some of these are: elements of the assembly name `INSTANCE.5`.
+    pub instances: HashMap<usize, String>,
     /// The line of each element.
     pub lines: Vec<usize>,
     pub element_of: HashMap<u64, u32>,
@@ -24,6 +26,8 @@ pub(super) struct Part {
     pub node_sets: Sets,
     pub element_sets: Sets,
     pub surfaces: BTreeMap<String, Surface>,
+    /// The element sets that sections name, in capitals.
+    pub sections: HashSet<String>,
 }
 
 /// Sets by their names in capitals.
@@ -46,7 +50,7 @@ pub(super) enum Member {
     One(Option<String>, u64),
     /// From, to, every so many.
     Range(Option<String>, [u64; 3]),
-    /// Another set, in capitals.
+    /// Another set, in capitals; or a node or an element of an instance, as `NAME.5`.
     Set(String),
     /// All nodes of a set of elements, in capitals.
     NodesOf(String),
@@ -82,13 +86,25 @@ pub(super) struct Assembly {
     /// Names as written, in the order of the file.
     pub parts: Vec<(String, Part)>,
     pub instances: Vec<Instance>,
-    /// The element sets that sections name, in capitals.
-    pub sections: HashSet<String>,
     /// Notes on elements that are read as another type.
     pub notes: BTreeSet<String>,
     /// For a whole deck: unsupported types of elements, each with its line, its name and the reason. Their elements remain in
     /// the sets that name them, but are not in the mesh.
     pub unknown: Vec<(usize, String, String)>,
+}
+
+impl Assembly {
+    /// Where a part is placed, by its name in capitals: the numbers of its instances. Without any instance parts stay as drawn.
+    #[cfg(feature = "case")]
+    pub(super) fn places(&self, part: &str) -> Vec<usize> {
+        let of_instances = self.instances.iter().map(|one| one.part == part);
+        let of_parts = self.parts.iter().map(|one| key(&one.0) == part);
+        let all: Vec<bool> = match self.instances.is_empty() {
+            true => of_parts.collect(),
+            false => of_instances.collect(),
+        };
+        (0..all.len()).filter(|&number| all[number]).collect()
+    }
 }
 
 /// The owner of the data lines.
@@ -166,6 +182,12 @@ impl<'a> Reader<'a> {
     fn keyword(&mut self, k: &Keyword<'a>) -> Result<Block<'a>> {
         let refuse = |what: &str| Err(Failure::line(k.line, format!("*{}: {what}", k.name)));
         let option = |name| k.option(name).filter(|value| !value.is_empty());
+        // Of a whole deck they are refused with all others.
+        if let (false, Some(known)) = (self.collects, k.of_mesh())
+            && let Some((_, text)) = k.unknown(known).next()
+        {
+            return Err(Failure::line(k.line, text));
+        }
         if self.in_instance && matches!(k.name.as_str(), "NODE" | "ELEMENT") {
             self.open_own_part(k)?;
         }
@@ -227,11 +249,16 @@ impl<'a> Reader<'a> {
                     of_nodes: kind == "NODE",
                     faces: Vec::new(),
                 };
-                self.current().surfaces.insert(key(name), surface);
+                if self.current().surfaces.insert(key(name), surface).is_some() {
+                    let text = format!(
+                        "\"{name}\" is stated twice: state all of its faces or nodes at once"
+                    );
+                    return refuse(&text);
+                }
                 Block::Surface(key(name))
             }
             "SOLID SECTION" => {
-                self.assembly.sections.extend(option("ELSET").map(key));
+                self.current().sections.extend(option("ELSET").map(key));
                 Block::Skip
             }
             "PART" => {
@@ -426,10 +453,9 @@ impl<'a> Reader<'a> {
                 "this element of second order lacks some midside nodes: write all of its nodes",
             ));
         }
-        let listed = (all[1..wanted].iter()).map(|entry| label(line, entry));
+        let listed = (all[1..wanted].iter()).map(|entry| node_of(line, entry));
         let mut listed = listed.collect::<Result<Vec<_>>>()?;
-        let corners = &listed[..cell.n_corners()];
-        let again = (1..corners.len()).find(|&k| corners[..k].contains(&corners[k]));
+        let again = (1..listed.len()).find(|&k| listed[..k].contains(&listed[k]));
         let (cell, modes) = match (cell, again) {
             // A quadrilateral of which two neighbouring corners are one is a triangle.
             (Cell::Element(ElementKind::Quad), Some(k))
@@ -439,10 +465,16 @@ impl<'a> Reader<'a> {
                 (Cell::Element(ElementKind::Triangle), false)
             }
             (Cell::Element(_), Some(k)) => {
-                let text = format!(
-                    "element {element} has node {} at several corners: collapsed elements are not supported, use triangles, wedges or pyramids",
-                    corners[k]
-                );
+                let node = listed[k].1;
+                let text = match k < cell.n_corners() {
+                    true => format!(
+                        "element {element} has node {node} at several corners: collapsed elements are not supported, use triangles, \
+                         wedges or pyramids"
+                    ),
+                    false => format!(
+                        "element {element} has node {node} twice: nodes in the middle of sides and faces are nodes of their own"
+                    ),
+                };
                 return Err(Failure::line(line, text));
             }
             _ => (cell, modes),
@@ -459,9 +491,14 @@ impl<'a> Reader<'a> {
             part.with_modes.insert(next);
         }
         part.elements.push((cell, part.labels.len()));
-        match order(cell) {
-            Some(order) => (part.labels).extend(order.iter().map(|&place| listed[place])),
-            None => part.labels.extend(listed),
+        let listed = match order(cell) {
+            Some(order) => order.iter().map(|&place| listed[place].clone()).collect(),
+            None => listed,
+        };
+        for (instance, label) in listed {
+            let place = part.labels.len();
+            part.instances.extend(instance.map(|of| (place, of)));
+            part.labels.push(label);
         }
         part.lines.push(line);
         if let Some(name) = set {
@@ -478,11 +515,16 @@ impl<'a> Reader<'a> {
         }
         let all = std::mem::take(&mut self.begun);
         let element = label(line, all[0])?;
-        let node = all.get(1).map_or(Ok(0), |node| label(line, node))?;
+        let (instance, node) = match all.get(1) {
+            Some(node) => node_of(line, node)?,
+            None => (None, 0),
+        };
         let part = self.current();
         let next = part.elements.len() as u32;
         part.element_of.insert(element, next);
-        part.elements.push((Cell::Point, part.labels.len()));
+        let place = part.labels.len();
+        part.elements.push((Cell::Point, place));
+        part.instances.extend(instance.map(|of| (place, of)));
         part.labels.push(node);
         part.lines.push(line);
         if let Some(name) = set {
@@ -528,6 +570,14 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// The number of a node, and the instance in capitals that has it: `INSTANCE.5` in elements of the assembly.
+fn node_of(line: usize, entry: &str) -> Result<(Option<String>, u64)> {
+    match entry.rsplit_once('.') {
+        Some((of, number)) => Ok((Some(key(of)), label(line, number)?)),
+        None => Ok((None, label(line, entry)?)),
+    }
+}
+
 /// Adds a node or an element to the set that its keyword names.
 fn add(sets: &mut Sets, name: &str, line: usize, member: u64) {
     let set = sets.entry(key(name)).or_default();
@@ -561,12 +611,6 @@ fn members(
     let member = |entry: &&str| {
         if let Ok(label) = entry.parse() {
             return Member::One(instance.clone(), label);
-        }
-        // An assembly names a node of an instance as NAME.5.
-        if let Some((of, label)) = entry.rsplit_once('.')
-            && let Ok(label) = label.parse()
-        {
-            return Member::One(Some(key(of)), label);
         }
         Member::Set(match instance {
             Some(of) => format!("{of}.{}", key(entry)),
