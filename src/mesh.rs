@@ -556,6 +556,7 @@ where
     }
 
     /// The facts about all of it that reports tell.
+    #[cfg(any(feature = "files", feature = "mpi"))]
     pub(crate) fn census(&self) -> Census {
         let (low, high) = self.bounding_box();
         let mut kinds: Vec<Vec<(ElementKind, usize)>> = vec![Vec::new(); self.regions.len()];
@@ -584,6 +585,7 @@ where
 }
 
 /// Facts about a whole mesh, of which a rank has only a part.
+#[cfg(any(feature = "files", feature = "mpi"))]
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Census {
     pub notes: Vec<String>,
