@@ -335,10 +335,8 @@ impl<const D: usize> ContactPlace<D> {
         let further = self.further.get(a).into_iter().flatten().copied();
         (sides.into_iter().zip([1.0, -1.0]))
             .flat_map(move |(side, sign)| {
-                side.iter().map(move |&(node, weight)| {
-                    let way = way.map(|v| sign * weight * v);
-                    (self.node_of(node), self.back(node, way))
-                })
+                let terms = side.iter();
+                terms.map(move |&(node, weight)| self.term(node, sign * weight, way))
             })
             .chain(further)
     }

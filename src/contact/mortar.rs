@@ -636,8 +636,8 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// Vertices this near to a corner or an edge are there, in its size. Where bodies move, that is as far as a neighbour may be missed
-    /// that counts as wholly covered: they have the corner in common.
+    /// The distance up to which a vertex counts as a corner or as a point of an edge, as a part of the size of the facet. Where bodies move,
+    /// a neighbour that misses this much counts as wholly covered, and both facets must share the corner.
     fn same(&self) -> f64 {
         if self.moves { MISSED } else { SAME }
     }

@@ -512,14 +512,7 @@ impl<const D: usize> ContactRows<D> {
         acts: impl Fn(usize) -> bool,
         stated: impl Fn(usize) -> Option<f64>,
     ) -> Result<(), ContactError> {
-        for (_, place, gap, held) in self.fixed.iter().filter(|fixed| acts(fixed.0)) {
-            let moved = motion(held, unknowns);
-            let depth = moved - gap;
-            if depth > 1e-9 * gap.max(moved.abs()) {
-                let place = place.clone();
-                return Err(ContactError::Driven { place, depth });
-            }
-        }
+        self.check_fixed(unknowns, acts, |gap, moved| 1e-9 * gap.max(moved.abs()))?;
         for ([row, along], place, held) in &self.fixed_ties {
             let wanted = match along {
                 0 => stated(*row),
@@ -533,38 +526,52 @@ impl<const D: usize> ContactRows<D> {
                 return Err(ContactError::DrivenApart { place, apart });
             }
         }
-        let mut driven = self.along_one.iter();
-        let is_off = |(_, _, held, rest): &&(Location, usize, Vec<Held>, f64)| {
+        self.check_along_one(|_, held, rest| {
             let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
             motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
-        };
-        match driven.find(is_off) {
-            Some((place, ..)) => Err(ContactError::DrivenAlong {
-                place: place.clone(),
-            }),
-            None => Ok(()),
-        }
+        })
     }
 
-    /// The same where bodies have moved by the prescribed `moves`, and those `left` are hardly more than rounding: distances below `least`
-    /// count as zero. `slides` says which rows of T slide under pressure.
+    /// The same after the prescribed motions `moves`, where those `left` are hardly more than rounding: distances below `least` count as
+    /// zero. `slides` says which rows of T slide under pressure.
     pub(crate) fn check_moved(
         &self,
         [moves, left]: [&Unknowns<D>; 2],
         slides: impl Fn(usize) -> bool,
         least: f64,
     ) -> Result<(), ContactError> {
-        for (_, place, gap, held) in &self.fixed {
-            let depth = motion(held, left) - gap;
-            if depth > least {
+        self.check_fixed(left, |_| true, |_, _| least)?;
+        self.check_along_one(|row, held, rest| {
+            rest == 0.0 && motion(held, moves).abs() > least && slides(row)
+        })
+    }
+
+    /// Those without a row, where penetration beyond a tolerance counts: of the gap and the motion that is prescribed.
+    fn check_fixed(
+        &self,
+        unknowns: &Unknowns<D>,
+        acts: impl Fn(usize) -> bool,
+        tolerance: impl Fn(f64, f64) -> f64,
+    ) -> Result<(), ContactError> {
+        for (_, place, gap, held) in self.fixed.iter().filter(|fixed| acts(fixed.0)) {
+            let moved = motion(held, unknowns);
+            let depth = moved - gap;
+            if depth > tolerance(*gap, moved) {
                 let place = place.clone();
                 return Err(ContactError::Driven { place, depth });
             }
         }
-        let mut driven = self.along_one.iter().filter(|(_, row, held, rest)| {
-            *rest == 0.0 && motion(held, moves).abs() > least && slides(*row)
-        });
-        match driven.next() {
+        Ok(())
+    }
+
+    /// Those that can slide along one direction only, where `is_driven` says of the other row of T, its motion and its tolerance whether
+    /// supports drive the node along it.
+    fn check_along_one(
+        &self,
+        is_driven: impl Fn(usize, &[Held], f64) -> bool,
+    ) -> Result<(), ContactError> {
+        let mut all = self.along_one.iter();
+        match all.find(|(_, row, held, rest)| is_driven(*row, held, *rest)) {
             Some((place, ..)) => Err(ContactError::DrivenAlong {
                 place: place.clone(),
             }),

@@ -179,8 +179,14 @@ impl<const D: usize> ContactPlace<D> {
         self.sectors.as_ref().map_or(image, |all| all.of(image).0)
     }
 
+    /// The displacement of one of its nodes along a direction, times a factor: the node of the mesh, and the vector that its displacement is
+    /// multiplied by.
+    pub(super) fn term(&self, image: u32, factor: f64, way: [f64; D]) -> (u32, [f64; D]) {
+        let way = self.back(image, way.map(|v| factor * v));
+        (self.node_of(image), way)
+    }
+
     /// Whether one of its nodes is an image.
-    #[cfg(feature = "mpi")]
     pub(crate) fn is_image(&self, node: u32) -> bool {
         (self.sectors.as_ref()).is_some_and(|all| node >= all.nodes)
     }
@@ -194,10 +200,7 @@ impl<const D: usize> ContactPlace<D> {
             .zip([1.0, -1.0])
             .flat_map(move |(side, sign)| {
                 let images = side.iter().filter(|(node, _)| self.is_image(*node));
-                images.map(move |&(node, weight)| {
-                    let way = way.map(|v| sign * weight * v);
-                    (self.node_of(node), self.back(node, way))
-                })
+                images.map(move |&(node, weight)| self.term(node, sign * weight, way))
             });
         images.chain(self.further.get(a).into_iter().flatten().copied())
     }
@@ -205,11 +208,16 @@ impl<const D: usize> ContactPlace<D> {
     /// The nodes that one of its nodes is, two on the sides of sectors: those of the mesh of one sector, or of one with all images.
     pub(crate) fn nodes_of(&self, image: u32, mesh: usize) -> impl Iterator<Item = u32> {
         let twin = self.sectors.as_ref().and_then(|all| all.twin(image));
-        let shown = move |image: u32| match (image as usize) < mesh {
+        let both = std::iter::once(image).chain(twin);
+        both.map(move |image| self.node_in(image, mesh))
+    }
+
+    /// The node that one of its nodes is in a mesh of so many nodes: one of all images, or of one sector.
+    pub(crate) fn node_in(&self, image: u32, mesh: usize) -> u32 {
+        match (image as usize) < mesh {
             true => image,
             false => self.node_of(image),
-        };
-        std::iter::once(image).chain(twin).map(shown)
+        }
     }
 
     /// A vector at one of its nodes, turned back to the node of the mesh.

@@ -1,6 +1,7 @@
 //! The contacts of a model: their nodes and their properties.
 
 use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
+use super::cyclic::Repeated;
 use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
 use super::loads::{end_of, outer_facets};
@@ -268,9 +269,6 @@ where
 /// Unit vectors that belong to nodes.
 pub(super) type Directions<const D: usize> = HashMap<u32, Vec<[f64; D]>>;
 
-/// The bodies at the sides of sectors, those of them whose sides do not match, and their turns.
-type Rings<const D: usize> = Vec<([HashSet<u32>; 2], Arc<Sectors<D>>)>;
-
 /// The data that find the contact places of bodies again where these have moved.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sliding<const D: usize>
@@ -284,7 +282,7 @@ where
     /// Where contacts go on beyond the sides of sectors.
     pub(super) seams: Seams<D>,
     /// The bodies that repeat themselves.
-    rings: Rings<D>,
+    rings: Vec<Repeated<D>>,
     /// The body of each node.
     pub(super) body_of: Vec<u32>,
     /// The surfaces of the bodies, where displacements are large.
@@ -305,10 +303,9 @@ where
         sides: [&[Facet<D>]; 2],
     ) -> Result<Option<&Arc<Sectors<D>>>, Fault> {
         let bodies = sides.map(|facets| bodies_of(&self.body_of, facets));
-        let is_at =
-            |ring: &&([HashSet<u32>; 2], _)| bodies.iter().any(|of| !of.is_disjoint(&ring.0[0]));
+        let is_at = |ring: &&Repeated<D>| bodies.iter().any(|of| !of.is_disjoint(&ring.bodies));
         let at_sides: Vec<_> = self.rings.iter().filter(is_at).collect();
-        let (bodies, sectors) = match (&at_sides[..], &self.rings[..]) {
+        let ring = match (&at_sides[..], &self.rings[..]) {
             ([ring], _) => *ring,
             ([], [ring]) => ring,
             ([], _) => return Ok(None),
@@ -322,11 +319,11 @@ where
         };
         let is_around = |facets: &[Facet<D>]| {
             let nodes = facets.iter().flat_map(facet_nodes);
-            let nodes = nodes.filter(|node| !bodies[0].contains(&self.body_of[**node as usize]));
+            let nodes = nodes.filter(|node| !ring.bodies.contains(&self.body_of[**node as usize]));
             let mut places = nodes.map(|node| mesh.nodes[*node as usize]).peekable();
-            places.peek().is_some() && sectors.surrounded(places)
+            places.peek().is_some() && ring.sectors.surrounded(places)
         };
-        Ok((!sides.into_iter().any(is_around)).then_some(sectors))
+        Ok((!sides.into_iter().any(is_around)).then_some(&ring.sectors))
     }
 }
 
@@ -341,11 +338,11 @@ where
         let is_apart = |facets: &[Facet<D>]| {
             let bodies = bodies_of(&self.body_of, facets);
             let mut rings = self.rings.iter();
-            rings.any(|ring| !bodies.is_disjoint(&ring.0[1]))
+            rings.any(|ring| !bodies.is_disjoint(&ring.unmatched))
         };
         let beyond = |place: &ContactPlace<D>| -> f64 {
             let all = place.sides(0).into_iter().flatten();
-            let images = all.filter(|entry| place.node_of(entry.0) != entry.0);
+            let images = all.filter(|entry| place.is_image(entry.0));
             images.map(|entry| entry.1.abs()).fold(0.0, f64::max)
         };
         sides.into_iter().any(is_apart) && places.iter().any(|place| beyond(place) > LITTLE)
@@ -353,7 +350,7 @@ where
 }
 
 /// The bodies that facets are on.
-fn bodies_of<const D: usize>(body_of: &[u32], facets: &[Facet<D>]) -> HashSet<u32>
+pub(super) fn bodies_of<const D: usize>(body_of: &[u32], facets: &[Facet<D>]) -> HashSet<u32>
 where
     ElementKind: Topology<D>,
 {
@@ -814,8 +811,12 @@ where
     }
 
     /// Where the boundaries of contacts go on beyond the sides of sectors, and the bodies that repeat themselves.
-    fn seams(&self, mesh: &Mesh<D>, body_of: &[u32]) -> Result<(Seams<D>, Rings<D>), ModelError> {
-        let (mut seams, mut repeated) = (Seams::new(), Vec::new());
+    fn seams(
+        &self,
+        mesh: &Mesh<D>,
+        body_of: &[u32],
+    ) -> Result<(Seams<D>, Vec<Repeated<D>>), ModelError> {
+        let (mut seams, mut rings) = (Seams::new(), Vec::new());
         let mut nodes = HashSet::new();
         let pairs = self.pairs.iter().enumerate();
         for (i, pair) in pairs.chain(self.ties.iter().enumerate()) {
@@ -831,14 +832,10 @@ where
             }
         }
         for (i, cyclic) in self.cyclics.iter().enumerate() {
-            let found = cyclic.repeat(mesh, &nodes, body_of, &mut seams, &mut repeated);
+            let found = cyclic.repeat(mesh, &nodes, body_of, &mut seams, &mut rings);
             found.map_err(|fault| cyclic.entity(i).error(fault))?;
         }
-        let rings = repeated.into_iter().map(|ring| {
-            let sectors = Arc::new(ring.sectors);
-            ([ring.bodies, ring.unmatched], sectors)
-        });
-        Ok((seams, rings.collect()))
+        Ok((seams, rings))
     }
 
     /// The contact places of all contacts.

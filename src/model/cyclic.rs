@@ -5,7 +5,9 @@
 //! with turned displacements.
 
 use super::axis::Axis;
-use super::contacts::{Directions, Found, PairData, TIE_DISTANCE, held_on_both, largest_facet};
+use super::contacts::{
+    Directions, Found, PairData, TIE_DISTANCE, bodies_of, held_on_both, largest_facet,
+};
 use super::entities::{Facts, NO_BOUNDARY, Names, Part, with_a_name};
 use super::error::{EntityKind, Fault};
 use super::loads::{area_shares, outer_facets};
@@ -17,11 +19,12 @@ use crate::contact::{
 use crate::elasticity::Body;
 use crate::mesh::structured::join;
 use crate::mesh::vector::{dot, length, minus, unit};
-use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes, nodes_of_facets};
+use crate::mesh::{ElementKind, Facet, Mesh, nodes_of_facets};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
 use std::collections::HashSet;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// A side is tied if at least this part of its area has the other side opposite. Curved sides whose meshes do not match miss a little.
 const MET: f64 = 0.9;
@@ -42,9 +45,10 @@ pub struct Cyclic<const D: usize = 2> {
 with_a_name!(Cyclic);
 
 /// Bodies that repeat themselves about an axis.
+#[derive(Clone, Debug)]
 pub(super) struct Repeated<const D: usize> {
     axis: Axis<D>,
-    pub sectors: Sectors<D>,
+    pub sectors: Arc<Sectors<D>>,
     /// Those at the sides of the sector.
     pub bodies: HashSet<u32>,
     /// Those whose sides do not match where they have contacts.
@@ -210,24 +214,25 @@ where
             None => {
                 repeated.push(Repeated {
                     axis: self.axis,
-                    sectors: self.sectors(mesh)?,
+                    sectors: Arc::new(self.sectors(mesh)?),
                     bodies: HashSet::new(),
                     unmatched: HashSet::new(),
                 });
                 repeated.len() - 1
             }
         };
-        let (sides, _) = self.sides(mesh)?;
-        let on_sides = sides.iter().flatten().map(|facet| facet_nodes(facet)[0]);
-        let bodies = on_sides.map(|node| body_of[node as usize]);
-        repeated[at].bodies.extend(bodies);
+        let sides = self.sides(mesh)?;
+        let ring = &mut repeated[at];
+        ring.bodies
+            .extend(sides.0.iter().flat_map(|side| bodies_of(body_of, side)));
         // Where some do not match, all places are halves.
-        let (matched, unmatched) = self.seams(mesh, nodes, body_of, seams)?;
+        let (matched, unmatched) = self.seams(mesh, sides, nodes, body_of, seams);
         let is_whole = |one: &Matched<D>| !unmatched.contains(&body_of[one.0 as usize]);
+        let joined = Arc::make_mut(&mut ring.sectors);
         for (high, low, turn) in matched.into_iter().filter(is_whole) {
-            repeated[at].sectors.join(high, low, &turn);
+            joined.join(high, low, &turn);
         }
-        repeated[at].unmatched.extend(unmatched);
+        ring.unmatched.extend(unmatched);
         Ok(())
     }
 
@@ -237,13 +242,13 @@ where
     fn seams(
         &self,
         mesh: &Mesh<D>,
+        (sides, angle): ([Vec<Facet<D>>; 2], f64),
         nodes: &HashSet<u32>,
         body_of: &[u32],
         seams: &mut Seams<D>,
-    ) -> Result<(Vec<Matched<D>>, HashSet<u32>), Fault> {
+    ) -> (Vec<Matched<D>>, HashSet<u32>) {
         /// The distance at which two nodes count as one, in the largest facet.
         const ONE: f64 = 1e-6;
-        let (sides, angle) = self.sides(mesh)?;
         let sizes = sides.each_ref().map(|facets| largest_facet(mesh, facets));
         let size = sizes[0].max(sizes[1]);
         let on_sides = sides.map(|facets| {
@@ -303,7 +308,7 @@ where
                 seams.insert(node, beyond);
             }
         }
-        Ok((matched, unmatched))
+        (matched, unmatched)
     }
 
     /// The places of `high` tied to `low` after a turn by an angle.

@@ -546,14 +546,37 @@ where
     /// A support that holds along the axis, too.
     fn along(support: Support<D>) -> Support<D>;
 
-    /// Of these radii, between two angles, with as many cells out and around; of second order, too.
-    fn ring(
-        name: &str,
-        radii: [f64; 2],
-        angles: [f64; 2],
-        cells: [usize; 2],
-        order: usize,
-    ) -> Mesh<D>;
+    /// The unit square, or a part of the unit cube, with as many cells along the first two axes.
+    fn block(name: &str, cells: [usize; 2]) -> Mesh<D>;
+}
+
+/// A ring of these radii, between two angles, with as many cells out and around; of second order, too.
+fn ring<const D: usize>(
+    name: &str,
+    radii: [f64; 2],
+    angles: [f64; 2],
+    cells: [usize; 2],
+    order: usize,
+) -> Mesh<D>
+where
+    ElementKind: Rings<D> + Topology<D>,
+{
+    let mut mesh = <ElementKind as Rings<D>>::block(name, cells);
+    if order == 2 {
+        mesh = mesh.raised().or_panic();
+    }
+    mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
+    named(&mut mesh, name);
+    mesh
+}
+
+/// The sector of a ring, from where it starts to where it ends.
+fn repeated<const D: usize>(name: &str, sectors: u32) -> Cyclic<D>
+where
+    ElementKind: Rings<D> + Topology<D>,
+{
+    let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
+    Cyclic::between(low, high, <ElementKind as Rings<D>>::axis(), sectors)
 }
 
 /// Names of sides of a ring, from those of its unit square or cube.
@@ -589,21 +612,9 @@ impl Rings<2> for ElementKind {
         support
     }
 
-    fn ring(
-        name: &str,
-        radii: [f64; 2],
-        angles: [f64; 2],
-        cells: [usize; 2],
-        order: usize,
-    ) -> Mesh {
+    fn block(name: &str, cells: [usize; 2]) -> Mesh {
         let prefix = format!("{name}-");
-        let mut mesh = rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix);
-        if order == 2 {
-            mesh = mesh.raised().or_panic();
-        }
-        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
-        named(&mut mesh, name);
-        mesh
+        rectangle([0.0; 2], [1.0; 2], cells, CellShape::Quad, name, &prefix)
     }
 }
 
@@ -616,29 +627,16 @@ impl Rings<3> for ElementKind {
         support.axial(0.0)
     }
 
-    fn ring(
-        name: &str,
-        radii: [f64; 2],
-        angles: [f64; 2],
-        cells: [usize; 2],
-        order: usize,
-    ) -> Mesh<3> {
+    fn block(name: &str, cells: [usize; 2]) -> Mesh<3> {
         let prefix = format!("{name}-");
-        let cells = [cells[0], cells[1], 2];
-        let mut mesh = block(
+        block(
             [0.0; 3],
             [1.0, 1.0, 0.3],
-            cells,
+            [cells[0], cells[1], 2],
             SolidShape::Hexahedron,
             name,
             &prefix,
-        );
-        if order == 2 {
-            mesh = mesh.raised().or_panic();
-        }
-        mesh.nodes.iter_mut().for_each(|x| bent(x, radii, angles));
-        named(&mut mesh, name);
-        mesh
+        )
     }
 }
 
@@ -687,6 +685,17 @@ where
     all
 }
 
+/// A model with one of these fits.
+fn fitted<const D: usize>(model: Model<D>, fit: &(&str, Pair<D>)) -> Model<D>
+where
+    ElementKind: Space<D>,
+{
+    match fit {
+        ("tied", fit) => model.tie(fit.clone()),
+        (_, fit) => model.contact(fit.clone()),
+    }
+}
+
 /// The sector of a hub may begin elsewhere than that of its shaft: the bodies, their forces and pressures are those of the whole rings.
 fn fits_of_turned_sectors<const D: usize>(
     sectors: u32,
@@ -701,7 +710,6 @@ fn fits_of_turned_sectors<const D: usize>(
     let bodies = |off: f64, parts: usize, hub: usize, order: usize| {
         let angle = TAU / parts as f64;
         let turn = off.to_radians();
-        let ring = <ElementKind as Rings<D>>::ring;
         let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n / parts], order);
         let hub = ring(
             "hub",
@@ -736,10 +744,7 @@ fn fits_of_turned_sectors<const D: usize>(
                     .hoop(0.01),
             ))
     };
-    let model = |mesh: Mesh<D>, fit: &(&str, Pair<D>)| match fit {
-        ("tied", fit) => model(mesh).tie(fit.clone()),
-        (_, fit) => model(mesh).contact(fit.clone()),
-    };
+    let model = |mesh: Mesh<D>, fit: &(&str, Pair<D>)| fitted(model(mesh), fit);
     for &order in orders {
         for &hub in cells {
             for fit in fits::<D>() {
@@ -797,7 +802,6 @@ fn fits_of_turned_sectors_in_the_plane() {
 #[test]
 fn fits_of_sectors_whose_sides_do_not_match() {
     let axis = <ElementKind as Rings<3>>::axis();
-    let ring = <ElementKind as Rings<3>>::ring;
     let model = |off: f64, uneven: f64, fit: &(&str, Pair<3>)| {
         let [shaft, hub] =
             [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
@@ -808,10 +812,6 @@ fn fits_of_sectors_whose_sides_do_not_match() {
                 }
                 mesh
             });
-        let side = |name: &str| {
-            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
-            Cyclic::between(low, high, axis, 8)
-        };
         let model = Model::on(join(shaft, hub))
             .material(Material::new(1e3, 0.3))
             .support(Support::on("shaft-inside").fixed())
@@ -822,12 +822,9 @@ fn fits_of_sectors_whose_sides_do_not_match() {
                     .hoop(0.01)
                     .axial(0.0),
             )
-            .cyclic(side("shaft"))
-            .cyclic(side("hub"));
-        match fit {
-            ("tied", fit) => model.tie(fit.clone()),
-            (_, fit) => model.contact(fit.clone()),
-        }
+            .cyclic(repeated("shaft", 8))
+            .cyclic(repeated("hub", 8));
+        fitted(model, fit)
     };
     let passed = |off: f64, uneven: f64, fit: &(&str, Pair<3>)| {
         passed_on(
@@ -868,7 +865,6 @@ fn fits_of_turned_sectors_in_space() {
 #[test]
 fn a_shaft_turns_in_its_hub() {
     let axis = Axis::at([0.0; 2]);
-    let ring = <ElementKind as Rings<2>>::ring;
     let bodies = |parts: usize, off: f64| {
         let [shaft, hub] =
             [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], off)].map(|(name, radii, start)| {
@@ -900,13 +896,12 @@ fn a_shaft_turns_in_its_hub() {
                     .coulomb(friction),
             ),
         };
-        let model = ["shaft", "hub"].iter().fold(model, |model, name| {
-            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
-            match parts {
+        let model = ["shaft", "hub"]
+            .iter()
+            .fold(model, |model, name| match parts {
                 1 => model,
-                _ => model.cyclic(Cyclic::between(low, high, axis, parts as u32)),
-            }
-        });
+                _ => model.cyclic(repeated(name, parts as u32)),
+            });
         let built = model.build().or_panic();
         let mut engine = Engine::new(&built.problem, Default::default(), |_| {}).or_panic();
         let mut settings = StepSettings::default();
@@ -981,21 +976,13 @@ fn shows_turned_sectors<const D: usize>()
 where
     ElementKind: Space<D> + Rings<D> + Draw<D>,
 {
-    let axis = <ElementKind as Rings<D>>::axis();
-    let ring = |name: &str, radii, start: f64| {
-        <ElementKind as Rings<D>>::ring(name, radii, [start, start + TAU / 8.0], [2, 3], 1)
+    let part = |name: &str, radii, start: f64| {
+        ring::<D>(name, radii, [start, start + TAU / 8.0], [2, 3], 1)
     };
     for is_whole in [false, true] {
-        let mesh = join(ring("shaft", [0.4, 1.0], 0.0), ring("hub", [1.0, 1.6], 2.0));
-        let side = |name: &str| {
-            let [low, high] = ["start", "end"].map(|side| format!("{name}-{side}"));
-            Cyclic::between(low, high, axis, 8)
-        };
-        let shaft = if is_whole {
-            side("shaft").whole()
-        } else {
-            side("shaft")
-        };
+        let mesh = join(part("shaft", [0.4, 1.0], 0.0), part("hub", [1.0, 1.6], 2.0));
+        let shaft = repeated("shaft", 8);
+        let shaft = if is_whole { shaft.whole() } else { shaft };
         let model = Model::on(mesh)
             .material(Material::new(1e3, 0.3))
             .support(Support::on("shaft-inside").fixed())
@@ -1006,7 +993,7 @@ where
                     .coulomb(0.2),
             )
             .cyclic(shaft)
-            .cyclic(side("hub"));
+            .cyclic(repeated("hub", 8));
         let built = model.build().or_panic();
         let analysis = Analysis::from(&built);
         let directory = tempfile::tempdir().or_panic();
@@ -1040,7 +1027,6 @@ fn stated_fields_repeat_themselves() {
         let angle = x[1].atan2(x[0]).rem_euclid(sector);
         0.01 + 0.01 * angle
     });
-    let ring = <ElementKind as Rings<2>>::ring;
     let model = |whole: bool, sides: [&str; 2], off: f64| {
         let (angle, n) = if whole { (TAU, 24) } else { (sector, 3) };
         let shaft = ring("shaft", [0.4, 1.0], [0.0, angle], [3, n], 1);
@@ -1084,7 +1070,6 @@ fn stated_fields_repeat_themselves() {
 fn stones_meet_those_of_the_next_sector() {
     let (sectors, axis) = (6_u32, Axis::at([0.0; 2]));
     let angle = TAU / f64::from(sectors);
-    let ring = <ElementKind as Rings<2>>::ring;
     let core = |angle: f64, n: usize| ring("core", [0.5, 0.8], [0.0, angle], [2, n], 1);
     let stone = |k: u32| {
         let (name, start) = (format!("stone{k}"), (0.25 + f64::from(k)) * angle);

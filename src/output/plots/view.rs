@@ -154,10 +154,7 @@ where
     let mut sums = vec![(0.0, 0.0); elastic.mesh.nodes.len()];
     for (place, &value) in elastic.contact.places.iter().zip(&contact.pressure) {
         for &(partner, weight) in place.partners.iter().filter(|(_, weight)| *weight > 0.0) {
-            let partner = match sums.len() {
-                all if partner as usize >= all => place.node_of(partner),
-                _ => partner,
-            };
+            let partner = place.node_in(partner, sums.len());
             let sum = &mut sums[partner as usize];
             *sum = (sum.0 + weight * value, sum.1 + weight);
         }
