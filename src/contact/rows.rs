@@ -1,9 +1,8 @@
 //! From contact nodes to the rows of N and T over the unknowns.
 //!
 //! A row measures the relative motion of a node and the other side. The part of it that supports prescribe belongs to the
-//! gap and the slide of a step; the rest is the row. Rows between bodies may depend on each other: contact forces are
-//! unique then, multipliers need not be. On rigid obstacles they do not: along a direction without its own unknowns there
-//! is no friction ([`contact_rows`]).
+//! gap and the slide of a step; the rest is the row. Rows may depend on each other: contact forces are unique then,
+//! multipliers need not be.
 
 use super::{ContactError, ContactPlace, SlipBound, turn_tangents};
 use crate::constraint::TIED;
@@ -32,8 +31,6 @@ pub struct ContactRows<const D: usize = 2> {
     pub places: Vec<ContactPlace<D>>,
     /// The candidate of each row.
     pub candidate: Vec<usize>,
-    /// Whether each place never acts.
-    idle: Vec<bool>,
     /// N: a row per contact place, along ν.
     pub normal: Csr,
     /// T: D − 1 rows per contact place, one after the other, along the tangents of its frame.
@@ -60,9 +57,8 @@ pub struct ContactRows<const D: usize = 2> {
 /// A node may be in several contacts, and supports may hold it, or the other side, in any direction: prescribed motions
 /// count in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is entirely prescribed
 /// has no row and is only checked ([`ContactRows::check`]), unless the contact is compliant. On a rigid obstacle a node
-/// gets an empty row in T where supports or another obstacle keep it from sliding along the tangent. It has no friction
-/// where no tangent is left. A compliant contact does not affect the friction with the other obstacle. In space the
-/// tangents of a place that a support holds in one direction are turned so that the first is free of it.
+/// gets an empty row in T where supports keep it from sliding along the tangent. It has no friction where no tangent is
+/// left. In space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
 ///
 /// # Errors
 /// If the normals of the hard rigid obstacles that a node meets are not independent.
@@ -95,18 +91,6 @@ where
     let mut held: [Vec<Vec<Held>>; 2] = Default::default();
     // The motions that supports prescribe along the tangents of nodes that cannot slide there.
     let mut kept = Vec::new();
-    let mut normals: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
-    for (number, place) in candidates.iter().enumerate() {
-        if is_on_obstacle(place) && acts(number) {
-            let of_node = normals.entry(place.own[0].0).or_default();
-            if of_node
-                .iter()
-                .all(|other| dot(*other, place.frame[0]) < SAME_WAY)
-            {
-                of_node.push(place.frame[0]);
-            }
-        }
-    }
     for (number, candidate) in candidates.iter().enumerate() {
         let (entries, motion) = row(unknowns, candidate.terms(0));
         // On an obstacle a place moves with its node, unless the obstacle moves; its other nodes, if any, only weight the prescribed
@@ -132,8 +116,7 @@ where
         tie(0, &entries, &motion);
         rows[0].push(entries);
         held[0].push(motion);
-        let of_node = normals.get(&candidate.own[0].0);
-        let place = turned(candidate, unknowns, of_node.map_or(&[], Vec::as_slice));
+        let place = turned(candidate, unknowns);
         for (a, &tangent) in place.frame.iter().enumerate().skip(1) {
             let (entries, motion) = row(unknowns, place.terms(a));
             tie(a, &entries, &motion);
@@ -151,8 +134,15 @@ where
         places.push(place);
         numbers.push(number);
     }
-    let idle: Vec<bool> = numbers.iter().map(|&number| !acts(number)).collect();
-    make_independent(&mut rows, &places, &idle, unknowns)?;
+    let acting: Vec<bool> = numbers.iter().map(|&number| acts(number)).collect();
+    check_normals(&rows[0], &places, &acting, unknowns)?;
+    let [normals, tangentials] = &mut rows;
+    let of_places = normals.iter().zip(tangentials.chunks_mut(D - 1));
+    for ((normal, tangential), place) in of_places.zip(&places) {
+        if is_on_obstacle(place) && place.compliance[1] == 0.0 {
+            leave_sliding::<D>(normal, tangential);
+        }
+    }
     let tangents = places
         .iter()
         .flat_map(|place| vec![place.compliance[1]; D - 1]);
@@ -196,7 +186,6 @@ where
         tangential,
         places,
         candidate: numbers,
-        idle,
         slip_bound,
         coefficient,
         compliance,
@@ -213,12 +202,12 @@ fn is_on_obstacle<const D: usize>(place: &ContactPlace<D>) -> bool {
     is_alone && place.slip_bound != SlipBound::Tied
 }
 
-/// Checks that hard normal rows on rigid obstacles are independent, and empties hard tangential ones there that depend on
-/// earlier rows. A compliant row may depend on any: A + C is still definite. Idle places take no friction from others.
-fn make_independent<const D: usize>(
-    rows: &mut [Vec<Vec<Entry>>; 2],
+/// Checks that hard normal rows on rigid obstacles are independent. A compliant row may depend on any: A + C is still definite.
+/// Places that never act press nothing.
+fn check_normals<const D: usize>(
+    rows: &[Vec<Entry>],
     places: &[ContactPlace<D>],
-    idle: &[bool],
+    acting: &[bool],
     unknowns: &Unknowns<D>,
 ) -> Result<(), ContactError> {
     let mut times: HashMap<u32, usize> = HashMap::new();
@@ -226,31 +215,30 @@ fn make_independent<const D: usize>(
         *times.entry(place.own[0].0).or_default() += 1;
     }
     let mut independent = Independent::<D>::default();
-    // Its own unknowns belong to no other row of its kind.
+    // Its own unknowns belong to no other row.
     let own = |place: &ContactPlace<D>| {
         let node = place.own[0].0;
         unknowns.block(node).filter(|_| times[&node] == 1)
     };
-    for ((row, place), idle) in rows[0].iter().zip(places).zip(idle) {
+    for ((row, place), acts) in rows.iter().zip(places).zip(acting) {
         let is_hard = is_on_obstacle(place) && place.compliance[0] == 0.0;
-        if is_hard && !idle && !independent.add(row, own(place)) {
+        if is_hard && *acts && !independent.add(row, own(place)) {
             let place = place.place.into();
             return Err(ContactError::Twice { place });
         }
     }
-    // Those with friction first, and those that never act in the end.
-    let is_hard = |&i: &usize| is_on_obstacle(&places[i]) && places[i].compliance[1] == 0.0;
-    let mut order: Vec<usize> = (0..places.len()).filter(is_hard).collect();
-    order.sort_by_key(|&i| (idle[i], !places[i].slip_bound.is_any()));
-    for i in order {
-        let of_place = &mut rows[1][(D - 1) * i..][..D - 1];
-        for row in of_place.iter_mut().filter(|row| !row.is_empty()) {
-            if !independent.add(row, own(&places[i])) {
-                row.clear();
-            }
+    Ok(())
+}
+
+/// Empties the rows of T of a place on a rigid obstacle along which it cannot slide without lifting off.
+fn leave_sliding<const D: usize>(normal: &[Entry], tangential: &mut [Vec<Entry>]) {
+    let mut independent = Independent::<D>::default();
+    independent.add(normal, None);
+    for row in tangential {
+        if !independent.add(row, None) {
+            row.clear();
         }
     }
-    Ok(())
 }
 
 /// In space: whether supports keep both a place and the other side from sliding along a tangent. Then the row contains
@@ -300,12 +288,10 @@ where
 }
 
 /// The place with its tangents turned, in space. The first is then perpendicular to the only direction in which
-/// supports hold all of its nodes, or to the normal of the only other obstacle that its node meets, of those with these `normals`: it is the
-/// direction left to slide along.
+/// supports hold all of its nodes: it is the direction left to slide along.
 pub(crate) fn turned<const D: usize>(
     place: &ContactPlace<D>,
     unknowns: &Unknowns<D>,
-    normals: &[[f64; D]],
 ) -> ContactPlace<D> {
     let mut place = place.clone();
     // Its further nodes have vectors for the directions as they are.
@@ -334,11 +320,7 @@ pub(crate) fn turned<const D: usize>(
         [way] if everywhere(way) => Some(*way),
         _ => None,
     };
-    let is_alone = is_on_obstacle(&place) && place.directed.is_empty();
-    let is_other = |normal: &&[f64; D]| dot(**normal, place.frame[0]).abs() < SAME_WAY;
-    let mut others = normals.iter().filter(|_| is_alone).filter(is_other);
-    let only = others.next().filter(|_| others.next().is_none());
-    if let Some(way) = held.or(only.copied()) {
+    if let Some(way) = held {
         let onto = way.map(|c| way.map(|d| c * d));
         turn_tangents(&mut place.frame, &onto);
     }
@@ -461,7 +443,6 @@ impl<const D: usize> ContactRows<D> {
         let [normal, tangential] = rows;
         Self {
             candidate: (0..places.len()).collect(),
-            idle: vec![false; places.len()],
             places,
             normal,
             tangential,
@@ -599,10 +580,9 @@ impl<const D: usize> ContactRows<D> {
         pooled(&self.places, &areas)
     }
 
-    /// Whether a law of friction is stated for a contact place that supports or another contact keep from sliding.
+    /// Whether a law of friction is stated for a contact place that supports keep from sliding.
     pub fn keeps_from_sliding(&self, row: usize) -> bool {
         self.places[row].slip_bound.is_any()
-            && !self.idle[row]
             && self.slip_bound[row] == 0.0
             && self.coefficient[row] == 0.0
     }

@@ -925,30 +925,6 @@ where
                 data.arcs = between_arcs(mesh, [&data.facets, &data.others], data.gap);
             }
         }
-        // A corner between two obstacles is a matter of one node; all of a boundary without friction is not.
-        for (i, &pair) in pair_of.iter().enumerate() {
-            if !contact.keeps_from_sliding(i) {
-                continue;
-            }
-            let pair = pair as usize;
-            let (Some(node), Some(_)) = (contact.places[i].node, pairs[pair].obstacle) else {
-                continue;
-            };
-            let here = &pairs[pair].facets;
-            let obstacles = pairs.iter().enumerate();
-            let mut obstacles = obstacles.filter(|(_, there)| there.obstacle.is_some());
-            let shared = obstacles.any(|(other, there)| {
-                let of_node = |facet: &&Facet<D>| facet_nodes(facet).contains(&node);
-                let mut common = there.facets.iter().filter(of_node);
-                other != pair && common.any(|facet| here.contains(facet))
-            });
-            if shared {
-                return Err(self.pair_entity(pair).error(
-                    "friction is impossible where the same part of a boundary meets several rigid obstacles: split \
-                     the boundary so that each part meets one, or state no friction",
-                ));
-            }
-        }
         // Bodies that meet later have had no places.
         let is_idle =
             |number: usize| is_met.contains(&(number as u32)) && pairs[number].places == 0;

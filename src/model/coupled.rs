@@ -491,7 +491,7 @@ impl<const D: usize> Coupled<D> {
     /// Lets the obstacle at a contact place move with the point. Along a tangent along which neither the node nor the obstacle moves,
     /// there is no friction.
     pub(super) fn carry(&self, place: &mut ContactPlace<D>, unknowns: &Unknowns<D>) {
-        *place = turned(place, unknowns, &[]);
+        *place = turned(place, unknowns);
         // Where the obstacle is touched.
         let x = std::array::from_fn(|c| place.place[c] + place.gap.max(0.0) * place.frame[0][c]);
         let all = self.frame.motions::<{ MOTIONS.len() }>(&x);

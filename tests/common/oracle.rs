@@ -8,9 +8,11 @@ mod least_squares;
 pub mod sums;
 
 use bodies::{Free, floating_bodies, rigid_motions};
+use faer::linalg::solvers::Solve as _;
+use faer::{Mat, Side};
 use signorini::problem::ContactProblem;
 use signorini::quasistatic::{Load, State};
-use sums::{Sum, along, product};
+use sums::{Sum, along, dot, product};
 
 /// ε, the default of a case file.
 pub const TOLERANCE: f64 = 1e-6;
@@ -225,14 +227,85 @@ impl Oracle {
         }
     }
 
-    /// The distance of λ from another λ, relative to a pressure; noise does not count.
+    /// The distance of λ from another λ, relative to a pressure. Noise does not count, nor does the part that displacements
+    /// hardly depend on ([`Self::loose`]).
     pub fn apart(&self, lambda: &[f64], other: &[f64], noise: &[f64], pressure: f64) -> f64 {
-        let mut off = 0.0_f64;
-        for i in 0..lambda.len() {
-            let apart = (lambda[i] - other[i]).abs() - noise[i];
-            off = off.max(apart / self.area(i));
+        let mut apart: Vec<f64> = (0..lambda.len())
+            .map(|i| {
+                let apart = lambda[i] - other[i];
+                apart.signum() * (apart.abs() - noise[i]).max(0.0) / self.area(i)
+            })
+            .collect();
+        if largest(&apart) > NODAL * pressure {
+            for loose in self.loose() {
+                let part = dot(&loose, &apart);
+                apart
+                    .iter_mut()
+                    .zip(loose)
+                    .for_each(|(apart, c)| *apart -= part * c);
+            }
         }
-        if off == 0.0 { 0.0 } else { off / pressure }
+        match largest(&apart) {
+            0.0 => 0.0,
+            off => off / pressure,
+        }
+    }
+
+    /// Orthonormal pressures and tractions that move their own nodes so little that a violation of [`MET`] allows them to
+    /// be off by [`NODAL`]. Forces that cancel each other at each node, where rows of B depend on each other, move nothing.
+    /// Those that one body hardly yields to and the other one's facets do not see move next to nothing.
+    fn loose(&self) -> Vec<Vec<f64>> {
+        let rows = self.compliance.len();
+        let mut k = Mat::<f64>::zeros(self.n, self.n);
+        let mut stiffest = 0.0_f64;
+        for &(i, j, v) in &self.k {
+            k[(i, j)] += v;
+            stiffest = stiffest.max(v.abs());
+        }
+        // A body that nothing holds is held softly: its balance is checked by itself.
+        for motion in &self.motions {
+            for &(i, a) in motion {
+                for &(j, b) in motion {
+                    k[(i, j)] += stiffest * a * b;
+                }
+            }
+        }
+        let mut transposed = Mat::<f64>::zeros(self.n, rows);
+        for (shift, entries) in [(0, &self.normal), (self.m, &self.tangential)] {
+            for &(i, j, v) in entries {
+                transposed[(j, shift + i)] += v;
+            }
+        }
+        let Ok(factor) = k.llt(Side::Lower) else {
+            return Vec::new();
+        };
+        let a = transposed.transpose() * factor.solve(&transposed);
+        let moving: Vec<usize> = (0..rows).filter(|&i| a[(i, i)] > 0.0).collect();
+        let own: Vec<f64> = moving.iter().map(|&i| a[(i, i)].sqrt()).collect();
+        let count = moving.len();
+        let scaled = Mat::from_fn(count, count, |i, j| {
+            a[(moving[i], moving[j])] / own[i] / own[j]
+        });
+        let eigen = (scaled.self_adjoint_eigen(Side::Lower)).expect("a symmetric matrix");
+        let compliances = eigen.S().column_vector();
+        let mut found: Vec<Vec<f64>> = Vec::new();
+        for pattern in (0..count).filter(|&c| compliances[c] < MET / NODAL) {
+            let mut c = vec![0.0; rows];
+            for (at, &i) in moving.iter().enumerate() {
+                c[i] = eigen.U()[(at, pattern)] / own[at] / self.area(i);
+            }
+            // Twice is enough.
+            for _ in 0..2 {
+                for other in &found {
+                    let part = dot(other, &c);
+                    c.iter_mut().zip(other).for_each(|(c, o)| *c -= part * o);
+                }
+                let size = length(&c);
+                c.iter_mut().for_each(|c| *c /= size);
+            }
+            found.push(c);
+        }
+        found
     }
 
     /// The deviations of the end of a step. Remaining forces after unloading are no more accurate than those before:

@@ -343,35 +343,29 @@ fn a_corner_between_two_obstacles_keeps_its_friction() {
         .contact(with(Pair::obstacle("left", wall).coulomb(0.2)))
     };
     for path in PATHS {
-        let soft = answer(model(Some(1e14)), 1e-8, path);
-        let kept = |answer: &Answer<2>| {
-            answer
-                .built
-                .elastic
-                .pairs
-                .iter()
-                .map(|p| p.kept)
-                .sum::<usize>()
-        };
-        assert_eq!(kept(&soft), 0);
-        let hard = answer(model(None), 1e-8, path);
-        assert_eq!(kept(&hard), 2);
-        let corner: Vec<usize> = (0..soft.m())
-            .filter(|&i| soft.place(i) == [0.0, 0.0])
-            .collect();
-        assert_eq!(corner.len(), 2);
-        // All forces balance; the corner has its own friction.
-        let [load, contact, _] = soft.resultants();
-        assert!(
-            (0..2).all(|c| (load[c] + contact[c]).abs() < 1e-6 * 5e7),
-            "{load:?} {contact:?}"
-        );
-        let tangential = |i: usize| soft.solution.lambda[soft.m() + i].abs();
-        assert!(
-            corner
-                .iter()
-                .any(|&i| tangential(i) > 1e-3 * soft.solution.lambda[i])
-        );
+        let [soft, hard] = [Some(1e15), None].map(|k| answer(model(k), 1e-8, path));
+        for answer in [&soft, &hard] {
+            assert!(answer.built.elastic.pairs.iter().all(|pair| pair.kept == 0));
+            let corner: Vec<usize> = (0..answer.m())
+                .filter(|&i| answer.place(i) == [0.0, 0.0])
+                .collect();
+            assert_eq!(corner.len(), 2);
+            // All forces balance, with the friction of the corner.
+            let [load, contact, _] = answer.resultants();
+            assert!(
+                (0..2).all(|c| (load[c] + contact[c]).abs() < 1e-6 * 5e7),
+                "{load:?} {contact:?}"
+            );
+            assert!(corner.iter().any(|&i| {
+                let lambda = &answer.solution.lambda;
+                lambda[answer.m() + i].abs() > 1e-3 * lambda[i]
+            }));
+        }
+        // Hard contact is the limit of stiff springs.
+        let [soft, hard] =
+            [&soft, &hard].map(|answer| answer.displacement().as_flattened().to_vec());
+        let off = distance(&hard, &soft);
+        assert!(off < 1e-3, "{off}");
     }
 }
 

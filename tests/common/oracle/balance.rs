@@ -1,7 +1,7 @@
 //! The certificate that nothing holds a body.
 
 use super::least_squares::bounded_least_squares;
-use super::sums::{Sum, along};
+use super::sums::{Sum, along, dot};
 use super::{Entries, NOTHING, Oracle, ROUNDING, length};
 
 use clarabel::algebra::CscMatrix;
@@ -128,7 +128,6 @@ pub fn least_imbalance(oracle: &Oracle, load: &Load) -> Balance {
     });
     wanted.iter_mut().for_each(|w| *w /= size);
     let (rest, push) = bounded_least_squares(&generators, &wanted);
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let imbalance = length(&rest);
     let mut resisted = Sum::default();
     let mut bounded = true;

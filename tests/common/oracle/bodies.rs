@@ -1,7 +1,7 @@
 //! Bodies that K lets move as a whole.
 
 use super::Entries;
-use super::sums::product;
+use super::sums::{dot, product};
 use std::collections::BTreeMap;
 
 /// A body that K lets move as a whole.
@@ -35,7 +35,6 @@ pub fn floating_bodies(k: &Entries, n: usize, motions: &[Vec<(usize, f64)>]) -> 
                 image.iter().zip(&rows).map(|(v, r)| v / r).collect()
             })
             .collect();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let gram: Vec<Vec<f64>> = (images.iter())
             .map(|a| images.iter().map(|b| dot(a, b)).collect())
             .collect();

@@ -1,7 +1,7 @@
 //! Least squares with bounds, and without.
 
 use super::length;
-use super::sums::Sum;
+use super::sums::{Sum, dot};
 
 /// The shortest rest b − A x with 0 ≤ x ≤ limits; and the same without its rounding along the columns whose factors are
 /// inside.
@@ -12,7 +12,6 @@ pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64
         Free,
         High,
     }
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let mut place = vec![Place::Low; columns.len()];
     let mut x = vec![0.0; columns.len()];
     let rest_of = |x: &[f64], skip: &dyn Fn(usize) -> bool| -> Vec<f64> {
@@ -125,7 +124,6 @@ pub fn bounded_least_squares(columns: &[(Vec<f64>, f64)], b: &[f64]) -> (Vec<f64
 
 /// The factors of few columns that make the rest of b shortest (Gram–Schmidt, twice); None if they are dependent.
 pub fn least_squares(columns: &[&[f64]], b: &[f64]) -> Option<Vec<f64>> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let count = columns.len();
     if count > b.len() {
         return None;

@@ -46,3 +46,11 @@ pub fn along(motion: &[(usize, f64)], x: &[f64]) -> f64 {
     }
     sum.value()
 }
+
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sum = Sum::default();
+    for (a, b) in a.iter().zip(b) {
+        sum.add_product(*a, *b);
+    }
+    sum.value()
+}

@@ -246,11 +246,11 @@ pub fn many<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>) {
     }
     let first = number("CAMPAIGN_SEED").unwrap_or(1);
     let problems = number("CAMPAIGN_PROBLEMS").unwrap_or(10_000);
-    let failures = failures::<D>(&campaign(make, &ways, first, problems));
+    let failures = failures(&campaign(make, &ways, first, problems));
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
 pub fn a_few<const D: usize>(make: fn(u64) -> Result<Problem<D>, String>, problems: u64) {
-    let failures = failures::<D>(&campaign(make, &[Way::Cholesky, Way::Pcg], 1, problems));
+    let failures = failures(&campaign(make, &[Way::Cholesky, Way::Pcg], 1, problems));
     assert!(failures.is_empty(), "{failures:#?}");
 }

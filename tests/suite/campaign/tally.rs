@@ -13,11 +13,8 @@ use std::collections::BTreeMap;
 /// The remark about forces that are off by more, where the condition of A explains it or may explain it.
 pub const CONDITIONED: &str = "forces of matrices off by more than 3000 ε, as A is conditioned";
 
-/// Nodal forces are estimated from the gradient: no more than one comparison in this many may be off by more in the plane …
+/// Nodal forces are estimated from the gradient: no more than one comparison in this many may be off by more.
 pub const RARE: usize = 1000;
-
-/// … and in space, where blocks hang over others with slivers of facets, and their moduli differ by 10⁴.
-pub const RARE_IN_SPACE: usize = 200;
 
 /// At most two load steps in this many may miss an existing answer, and a few of them in all.
 pub const ANSWERED: usize = 1000;
@@ -335,15 +332,14 @@ impl Tally {
 }
 
 /// The failures over all paths.
-pub fn failures<const D: usize>(tallies: &[Tally]) -> Vec<String> {
-    let rare = if D == 2 { RARE } else { RARE_IN_SPACE };
+pub fn failures(tallies: &[Tally]) -> Vec<String> {
     let notes = tallies.iter().flat_map(|tally| &tally.failures);
     let mut failures: Vec<String> = notes
         .map(|(what, lines)| format!("{what}: {} (first seed {})", lines.len(), lines[0].0))
         .collect();
     for tally in tallies {
         for (beyond, compared) in tally.beyond.iter().zip(tally.compared) {
-            if beyond * rare > compared {
+            if beyond * RARE > compared {
                 failures.push(format!(
                     "forces off by more than promised: {beyond} of {compared}"
                 ));
