@@ -136,6 +136,78 @@ impl<const D: usize> NodeSets<D> {
 /// The bound of a tied node, whose multipliers are free in every direction.
 pub(crate) const TIED: f64 = f64::INFINITY;
 
+/// The source of the slip bound of a contact node: its law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SlipBound {
+    /// A given force (Tresca; 0 without friction).
+    Given(f64),
+    /// This coefficient times the normal force (Coulomb).
+    Coulomb(f64),
+    /// None: the place is tied to the other side.
+    Tied,
+}
+
+impl SlipBound {
+    /// Whether it allows any friction.
+    pub fn is_any(&self) -> bool {
+        match *self {
+            Self::Given(figure) | Self::Coulomb(figure) => figure > 0.0,
+            Self::Tied => true,
+        }
+    }
+
+    /// The law of a node with these entries in the vectors of slip bounds and coefficients: the bound counts where μ is 0.
+    pub(crate) fn of(given: f64, mu: f64) -> Self {
+        match given {
+            _ if mu > 0.0 => Self::Coulomb(mu),
+            TIED => Self::Tied,
+            bound => Self::Given(bound),
+        }
+    }
+
+    /// μ, 0 where the bound is given.
+    pub(crate) fn mu(self) -> f64 {
+        match self {
+            Self::Coulomb(mu) => mu,
+            _ => 0.0,
+        }
+    }
+
+    /// The multipliers that it permits beside the normal one λν.
+    pub(crate) fn disc(self, normal: f64) -> Disc {
+        Disc {
+            g: match self {
+                Self::Given(bound) => bound,
+                Self::Coulomb(mu) => mu * normal.max(0.0),
+                Self::Tied => TIED,
+            },
+        }
+    }
+
+    /// The nearest multipliers that obey the law: those of Coulomb's cone, or of a disc.
+    pub(crate) fn nearest<const D: usize>(self, z: [f64; D]) -> Projected<D> {
+        match self {
+            Self::Coulomb(mu) => cone(mu, z),
+            _ => self.disc(0.0).nearest(z),
+        }
+    }
+
+    /// The multipliers that solve the contact problem of a node with the identity for A: λν = max(0, zν), then λτ within its bound
+    /// next to zτ; with the derivative.
+    pub(crate) fn solve<const D: usize>(self, z: [f64; D]) -> Projected<D> {
+        let disc = self.disc(z[0]);
+        let (end, mut derivative) = disc.nearest(z);
+        let length = tangential(z);
+        if self.mu() > 0.0 && z[0] > 0.0 && length > disc.g {
+            // λτ = μλν s: the bound moves with λν.
+            for a in 1..D {
+                derivative[a][0] = self.mu() * z[a] / length;
+            }
+        }
+        (end, derivative)
+    }
+}
+
 /// λν ≥ 0 and ‖λτ‖ ≤ g, with the bound g given: Λ on one node. With g = [`TIED`] all multipliers are allowed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Disc {
@@ -277,16 +349,6 @@ fn cone<const D: usize>(mu: f64, z: [f64; D]) -> Projected<D> {
         })
     });
     (edge.map(|e| e * along), derivative)
-}
-
-/// The nearest multipliers that obey a node's law of friction: those of Coulomb's cone where μ > 0, of the given slip
-/// bound elsewhere.
-pub(crate) fn lawful<const D: usize>(given: f64, mu: f64, z: [f64; D]) -> Projected<D> {
-    if mu > 0.0 {
-        cone(mu, z)
-    } else {
-        Disc { g: given }.nearest(z)
-    }
 }
 
 /// ‖λτ‖.

@@ -17,6 +17,7 @@ mod tests;
 mod transformed;
 
 pub(crate) use crossing::{crosses_itself, enclosed};
+pub use crate::constraint::SlipBound;
 pub use equal::equal_nodes;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub(crate) use mortar::{are_excluded, smooth_parts_of};
@@ -63,17 +64,6 @@ impl<const D: usize> Friction<'_, D> {
             Self::Tied => SlipBound::Tied,
         })
     }
-}
-
-/// The source of the slip bound of a contact node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SlipBound {
-    /// A given force (Tresca; 0 without friction).
-    Given(f64),
-    /// This coefficient times the normal force (Coulomb).
-    Coulomb(f64),
-    /// None: the place is tied to the other side.
-    Tied,
 }
 
 /// Between the 45° of a circle of eight facets and the 60° of a hexagon.
@@ -404,16 +394,6 @@ fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]
         let (cos, sin) = (parts[1] / length, parts[0] / length);
         frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
         frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
-    }
-}
-
-impl SlipBound {
-    /// Whether it allows any friction.
-    pub fn is_any(&self) -> bool {
-        match *self {
-            Self::Given(figure) | Self::Coulomb(figure) => figure > 0.0,
-            Self::Tied => true,
-        }
     }
 }
 

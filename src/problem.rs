@@ -32,7 +32,7 @@ pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 
-use crate::constraint::{TIED, node_of};
+use crate::constraint::{SlipBound, TIED, node_of};
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
@@ -496,7 +496,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// Whether contact node i is tied.
     pub fn is_tied(&self, i: usize) -> bool {
-        self.case.slip_bound[i] == TIED
+        self.law(i) == SlipBound::Tied
     }
 
     /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body. A mean of
@@ -509,30 +509,22 @@ impl<const D: usize, K> ContactProblem<D, K> {
 
     /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.
     pub fn has_friction(&self, i: usize) -> bool {
+        self.law(i).is_any()
+    }
+
+    /// The law of contact node i.
+    pub(crate) fn law(&self, i: usize) -> SlipBound {
         let mu = self.friction_coefficient().get(i);
-        self.slip_bound()[i] > 0.0 || mu.is_some_and(|&mu| mu > 0.0)
+        SlipBound::of(self.slip_bound()[i], mu.copied().unwrap_or(0.0))
     }
 
     /// g under Coulomb's law: μλν of the multipliers given, and the given bounds elsewhere.
     pub fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
-        coulomb_bounds(self.slip_bound(), self.friction_coefficient(), lambda)
+        match self.has_coulomb() {
+            true => (0..self.m())
+                .map(|i| self.law(i).disc(lambda[i]).g)
+                .collect(),
+            false => Cow::Borrowed(self.slip_bound()),
+        }
     }
-}
-
-/// The slip bound of a node with the normal multiplier λν: μλν where μ > 0, the given one elsewhere.
-pub(crate) fn coulomb_bound(given: f64, mu: f64, normal: f64) -> f64 {
-    if mu > 0.0 {
-        mu * normal.max(0.0)
-    } else {
-        given
-    }
-}
-
-/// The slip bounds at λ: μλν where μ > 0, the given ones elsewhere (everywhere if μ is empty).
-pub(crate) fn coulomb_bounds<'a>(given: &'a [f64], mu: &[f64], lambda: &[f64]) -> Cow<'a, [f64]> {
-    if mu.is_empty() {
-        return Cow::Borrowed(given);
-    }
-    let all = given.iter().zip(mu).zip(lambda);
-    Cow::Owned(all.map(|((&g, &mu), &l)| coulomb_bound(g, mu, l)).collect())
 }

@@ -11,7 +11,7 @@
 //! row has its own rounding: that of its gap, of the motion of its bodies, and of its compliance.
 
 use super::{ContactProblem, System, tangents_of};
-use crate::constraint::{TIED, tangential};
+use crate::constraint::tangential;
 use crate::dense::pseudo_inverse;
 use crate::rigid::{self, Frame};
 use crate::rounding::{DEPENDENT, ROUNDING};
@@ -164,7 +164,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             let compliance = norm_max(&compliance[at(i)]);
             slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
         });
-        let is_tied = |i: usize| bound[i] == TIED;
+        let is_tied = |i: usize| self.is_tied(i);
         // The sides of a tie neither come nearer to each other nor move apart.
         let closed = &mut (0..m).map(|i| {
             if is_tied(i) {

@@ -37,17 +37,14 @@ struct Curvature {
 impl<const D: usize> Face<D> {
     /// Without its curvature: [`Face::set_curvature`].
     pub fn new(sets: Sets<D>, law: &Law, balance: Option<&Rc<Balance>>) -> Self {
-        let mut follows = Vec::new();
-        if law.is_coulomb() {
-            let nodes = sets.nodes().iter().enumerate();
-            let mu = nodes.map(|(i, node)| match node.slip {
-                Some(_) if node.contact => law.mu(i),
-                _ => 0.0,
-            });
-            follows = mu.collect();
-            if follows.iter().all(|&mu| mu == 0.0) {
-                follows.clear();
-            }
+        let nodes = sets.nodes().iter().enumerate();
+        let mu = nodes.map(|(i, node)| match node.slip {
+            Some(_) if node.contact => law.of(i).mu(),
+            _ => 0.0,
+        });
+        let mut follows: Vec<f64> = mu.collect();
+        if follows.iter().all(|&mu| mu == 0.0) {
+            follows.clear();
         }
         let balance = balance.map(|balance| balance.on_face(sets.nodes(), &follows));
         Self {

@@ -137,7 +137,7 @@ mod tests {
 
     /// The face of these sets, and the result on it from this λ.
     fn solved(law: &Law, z: [f64; 6], lambda: [f64; 6]) -> (Point, usize) {
-        let g = law.bounds(&z).into_owned();
+        let g = law.bounds(&z);
         let sets = Sets::<2>::predict(&z, &[0.0; 6], 1.0, &g);
         let mut start = lambda.to_vec();
         sets.set_bounds(&mut start, law);

@@ -4,7 +4,7 @@
 //!
 //! b(z − P(z)) + rᵏ + (A + τI)(P(z) − λᵏ) = 0,
 //!
-//! and P is the solution of a node ([`Law::solve`]) on bI. With τ = 0 that is the problem itself. If contacts depend on
+//! and P is the solution of a node ([`SlipBound::solve`](crate::constraint::SlipBound::solve)) on bI. With τ = 0 that is the problem itself. If contacts depend on
 //! each other, like those of rigid bodies, A is singular on the sets of the solution, and forces are not unique. τ, a
 //! small part of b, selects those nearest to λᵏ, and λᵏ⁺¹ is a step of the proximal point method (Rockafellar 1976).
 //! Acary, Brémond and Huber compare it with others for such contacts (On solving contact problems with Coulomb
@@ -111,8 +111,8 @@ impl<const D: usize> Known<D> {
                 });
                 // A sliding node is to lift off by μ times its slip: then λ is the nearest point of the cone (De Saxcé and Feng
                 // 1998).
-                moved[0] += law.mu(i) * tangential(moved);
-                let next = law.nearest::<D>(i, from_fn(|a| now[a] - moved[a] / b)).0;
+                moved[0] += law.of(i).mu() * tangential(moved);
+                let next = law.of(i).nearest(from_fn(|a| now[a] - moved[a] / b)).0;
                 if std::mem::replace(&mut now, next) == next {
                     break;
                 }
@@ -189,7 +189,7 @@ impl<const D: usize> Equations<D> for OnMatrix<'_, D> {
         let b = self.known.mean;
         let mut lambda = vec![0.0; z.len()];
         for i in 0..z.len() / D {
-            put(&mut lambda, i, self.law.solve::<D>(i, at(&z, i)).0);
+            put::<D>(&mut lambda, i, self.law.of(i).solve(at(&z, i)).0);
         }
         let step = difference(&lambda, &self.from.lambda);
         let mut rest = self.known.times(&step);
@@ -216,7 +216,7 @@ impl<const D: usize> Equations<D> for OnMatrix<'_, D> {
         let tau = self.tau();
         let mut values = Vec::new();
         for j in 0..trial.z.len() / D {
-            let slope = self.law.solve::<D>(j, at(&trial.z, j)).1;
+            let slope = self.law.of(j).solve::<D>(at(&trial.z, j)).1;
             let (nodes, of_row) = blocks.row(j);
             for c in 0..D {
                 for (&i, block) in nodes.iter().zip(of_row) {

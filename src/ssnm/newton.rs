@@ -8,13 +8,12 @@ use super::sets::Sets;
 use super::solution::Step;
 use super::surrogate::Surrogate;
 use super::{EXACT, Method, Numbers};
-use crate::constraint::{TIED, row_of, tangential};
+use crate::constraint::{SlipBound, row_of, tangential};
 use crate::dual::DualError;
 use crate::dual::balance::{Balance, FaceBalance};
 use crate::problem::{ContactProblem, Elsewhere, Kkt, beyond};
 use crate::rounding::{DEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
-use std::borrow::Cow;
 use std::rc::Rc;
 
 /// The data that persist from step to step; multipliers are scaled.
@@ -168,7 +167,7 @@ impl<const D: usize> Newton<'_, D> {
             });
             let z: [f64; D] = std::array::from_fn(|a| lambda[rows[a]] - length * r[rows[a]]);
             let mut part = [1.0; D];
-            if g != TIED {
+            if self.law.of(i) != SlipBound::Tied {
                 let length = self.numbers.touching * length;
                 let is_open = z[0] < -length * term[0];
                 part[0] = if is_open { 0.0 } else { 1.0 };
@@ -177,7 +176,7 @@ impl<const D: usize> Newton<'_, D> {
                 let turns = if D == 2 { 0.0 } else { g / tangential(z) };
                 let bears = if beyond { turns } else { 1.0 };
                 // Under Coulomb's law a bound of 0 may be only rounding.
-                let none = g == 0.0 && (is_open || self.law.mu(i) == 0.0);
+                let none = g == 0.0 && (is_open || self.law.of(i).mu() == 0.0);
                 part[1..].fill(if none { 0.0 } else { bears });
             }
             for (row, (part, term)) in rows.into_iter().zip(part.into_iter().zip(term)) {
@@ -190,18 +189,17 @@ impl<const D: usize> Newton<'_, D> {
     /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
     /// is unchanged.
     pub fn step_from(&self, point: &Point, rho: f64) -> GradientStep {
-        let g = self.bounds(&point.lambda).into_owned();
+        let g = self.bounds(&point.lambda);
         gradient_step::<D>(point, rho, &g, self.balance.as_deref())
     }
 
     /// The slip bounds at λ: under Coulomb's law those of the nearest point that obeys it.
-    pub fn bounds(&self, lambda: &[f64]) -> Cow<'_, [f64]> {
-        if self.balance.is_none() || !self.law.is_coulomb() {
-            return self.law.bounds(lambda);
-        }
+    pub fn bounds(&self, lambda: &[f64]) -> Vec<f64> {
         let mut near = lambda.to_vec();
-        self.project(&mut near);
-        Cow::Owned(self.law.bounds(&near).into_owned())
+        if self.balance.is_some() && self.law.is_coulomb() {
+            self.project(&mut near);
+        }
+        self.law.bounds(&near)
     }
 
     /// The projection on Λ, or on Λₑ where bodies can move as a whole.

@@ -124,13 +124,6 @@ impl<'a> Scaled<'a> {
     pub fn tangential_factor<const D: usize>(&self, node: usize) -> f64 {
         self.factor(row_of::<D>(self.buffer.len() / D, node, 1))
     }
-
-    /// ĝ.
-    pub fn slip_bound<const D: usize>(&self, g: &[f64]) -> Vec<f64> {
-        (g.iter().enumerate())
-            .map(|(i, g)| g / self.tangential_factor::<D>(i))
-            .collect()
-    }
 }
 
 impl DualOperator for Scaled<'_> {

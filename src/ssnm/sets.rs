@@ -138,7 +138,7 @@ impl<const D: usize> Sets<D> {
     /// Puts the held multipliers on their bounds.
     pub(super) fn set_bounds(&self, lambda: &mut [f64], law: &Law) {
         for (i, node) in self.0.iter().enumerate() {
-            let held = node.hold(at(lambda, i), |normal| law.bound(i, normal));
+            let held = node.hold(at(lambda, i), |normal| law.of(i).disc(normal).g);
             put(lambda, i, held);
         }
     }
@@ -146,7 +146,7 @@ impl<const D: usize> Sets<D> {
     /// Holds λτ of separated nodes at zero where Coulomb's law permits nothing else.
     pub(super) fn hold_separated(&mut self, law: &Law) {
         for (i, node) in self.0.iter_mut().enumerate() {
-            if !node.contact && law.mu(i) > 0.0 {
+            if !node.contact && law.of(i).mu() > 0.0 {
                 node.hold_tangents();
             }
         }

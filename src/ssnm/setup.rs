@@ -52,7 +52,7 @@ impl Start {
                 false => dual.factor(i),
             }
         });
-        let least = balance.least(|i, z: [f64; D]| law.nearest(i, z));
+        let least = balance.least(|i, z: [f64; D]| law.of(i).nearest(z));
         start.lambda = least.lambda;
         if !least.balanced {
             start.imbalance = least.imbalance;

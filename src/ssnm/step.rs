@@ -132,17 +132,13 @@ impl<const D: usize> Newton<'_, D> {
     fn predict(&self, point: &Point, rho: f64) -> Sets<D> {
         let Point { lambda, r, .. } = point;
         let mut g = self.bounds(lambda);
-        if self.law.is_coulomb() {
-            for (i, g) in g.to_mut().iter_mut().enumerate() {
-                if *g == 0.0 {
-                    *g = self.law.bound(i, lambda[i] - rho * r[i]);
-                }
+        for (i, g) in g.iter_mut().enumerate() {
+            if *g == 0.0 {
+                *g = self.law.of(i).disc(lambda[i] - rho * r[i]).g;
             }
         }
         let mut sets = Sets::predict(lambda, r, rho, &g);
-        if self.law.is_coulomb() {
-            sets.hold_separated(&self.law);
-        }
+        sets.hold_separated(&self.law);
         sets
     }
 

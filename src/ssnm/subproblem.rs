@@ -9,7 +9,7 @@
 //! with bI + C instead of bI for compliant contact: both tangents of a node have the same compliance, so that a disc stays a
 //! disc.
 //!
-//! P is the solution of a node ([`Law::solve`]): the sets of Step 2 are those of z, with ρ = 1/b. S s = Uᵀ(λ − λᵏ) and
+//! P is the solution of a node ([`SlipBound::solve`](crate::constraint::SlipBound::solve)): the sets of Step 2 are those of z, with ρ = 1/b. S s = Uᵀ(λ − λᵏ) and
 //! Gλ = e remain, which Newton's method solves: it is Step 3 on these sets, solved exactly by the formula of Woodbury.
 //! The derivative of P on a disc is 1/(b + κ) along the tangent, where κ is the curvature term of the circle. For one
 //! pair, Becker and Fadili have the same (A quasi-Newton proximal splitting method, NIPS 2012).
@@ -173,7 +173,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
         }
         let mut lambda = vec![0.0; n];
         for i in 0..n / D {
-            put(&mut lambda, i, self.law.solve::<D>(i, at(&z, i)).0);
+            put::<D>(&mut lambda, i, self.law.of(i).solve(at(&z, i)).0);
         }
         let step = difference(&lambda, &self.from.lambda);
         let miss = |(j, (column, factor, sign)): (usize, &(&[f64], f64, f64))| {
@@ -211,7 +211,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
         let m = trial.z.len() / D;
         let (count, size) = (self.surrogate.n_columns(), trial.unknowns.len());
         let moving: Vec<_> = (0..m)
-            .map(|i| (i, self.law.solve::<D>(i, at(&trial.z, i)).1))
+            .map(|i| (i, self.law.of(i).solve::<D>(at(&trial.z, i)).1))
             .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
             .collect();
         // Column by column.

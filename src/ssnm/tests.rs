@@ -6,6 +6,7 @@ use super::point::Point;
 use super::products::Products;
 use super::scaling::Scaled;
 use super::*;
+use crate::constraint::SlipBound;
 use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{DirectDual, DualError};
 use crate::problem::{ContactData, LoadCase};
@@ -273,7 +274,7 @@ fn multipliers_are_scaled_where_stiffness_varies() {
         assert_eq!((scaled.factor(i), scaled.factor(m + i)), (*s, *s), "{i}");
     }
     let law = Law::new(&problem, &scaled);
-    assert_eq!(law.bound(5, 0.0), 6.0 / 8.0);
+    assert_eq!(law.of(5), SlipBound::Given(6.0 / 8.0));
     // Â = S A S, and back and forth is exact.
     let mut y = vec![0.0; 2 * m];
     let accuracy = Accuracy::Residual(0.0);
@@ -327,7 +328,8 @@ fn both_tangents_of_a_node_are_scaled_alike() {
     for (i, s) in scale.iter().enumerate() {
         assert_eq!(scaled.factor(i), *s, "{i}");
     }
-    assert_eq!(scaled.slip_bound::<3>(&[3.0; 4]), [3.0, 3.0, 12.0, 3.0]);
+    let law = Law::new(&problem, &scaled);
+    assert_eq!(law.bounds(&[0.0; 12]), [3.0, 3.0, 12.0, 0.0]);
     // b is f / K of the unknown, less the gap: 0.5 − 0.25 of the stiff one.
     let (accuracy, stop) = (Accuracy::Residual(0.0), Stop::default());
     let mut b = vec![0.0; 3 * m];
@@ -375,22 +377,24 @@ fn q_is_known_on_a_chord() {
 fn laws_of_a_node<const D: usize>() {
     let numbers = crate::dual::scatter(60 * D);
     for law in [
-        Law::with(1, 0.0, 0.0),
-        Law::with(1, 0.6, 0.0),
-        Law::with(1, 0.0, 0.4),
+        SlipBound::Given(0.0),
+        SlipBound::Given(0.6),
+        SlipBound::Coulomb(0.4),
+        SlipBound::Tied,
     ] {
         for z in numbers.chunks(D) {
             let z: [f64; D] = std::array::from_fn(|a| 2.0 * z[a]);
-            let (end, derivative) = law.solve::<D>(0, z);
+            let (end, derivative) = law.solve::<D>(z);
             let length = end[1..].iter().map(|t| t * t).sum::<f64>().sqrt();
-            assert_eq!(end[0], z[0].max(0.0));
-            assert!(length <= law.bound(0, end[0]) * (1.0 + 1e-15));
+            let is_tied = law == SlipBound::Tied;
+            assert_eq!(end[0], if is_tied { z[0] } else { z[0].max(0.0) });
+            assert!(length <= law.disc(end[0]).g * (1.0 + 1e-15));
             for b in 0..D {
                 let step = 1e-6;
                 let at = |sign: f64| {
                     let mut there = z;
                     there[b] += sign * step;
-                    law.solve::<D>(0, there).0
+                    law.solve::<D>(there).0
                 };
                 let (above, below) = (at(1.0), at(-1.0));
                 for a in 0..D {

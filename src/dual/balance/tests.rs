@@ -1,16 +1,16 @@
 //! Balances of blocks, levers and faces.
 
 use super::*;
-use crate::constraint::lawful;
+use crate::constraint::SlipBound;
 
 /// On Coulomb's cone.
 fn cone(mu: f64, z: [f64; 2]) -> Projected<2> {
-    lawful(0.0, mu, z)
+    SlipBound::Coulomb(mu).nearest(z)
 }
 
 /// Within a slip bound.
 fn interval(g: f64, z: [f64; 2]) -> Projected<2> {
-    lawful(g, 0.0, z)
+    SlipBound::Given(g).nearest(z)
 }
 
 /// A block on a floor: m nodes along it, λν up and λτ along, motions x, y and a rotation.
