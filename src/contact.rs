@@ -16,8 +16,8 @@ mod sectors;
 mod tests;
 mod transformed;
 
-pub(crate) use crossing::{crosses_itself, enclosed};
 pub use crate::constraint::SlipBound;
+pub(crate) use crossing::{crosses_itself, enclosed};
 pub use equal::equal_nodes;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
 pub(crate) use mortar::{are_excluded, smooth_parts_of};

@@ -8,22 +8,22 @@
 //! products (`subproblem`: Algorithm SSNM in as many unknowns as there are pairs). It spends one product on the step to
 //! its solution. The product gives the exact q on the chord, whose minimum is the next point, the new pair, and r.
 //!
-//! **As printed** (`step`): each outer step predicts the active sets from λ − ρr (Step 2). It minimises q with the
+//! **As printed** (`printed`): each outer step predicts the active sets from λ − ρr (Step 2). It minimises q with the
 //! inactive multipliers on their bounds by conjugate gradients (Step 3), and measures the reduced gradient (10) at the
 //! projection of the result (Step 3.4). The next sets are those of the result itself, and λ continues from its
 //! projection, with the inactive multipliers on the bounds of these sets.
 //!
 //! | of the paper | where |
 //! |---|---|
-//! | Algorithms SSNM, ISSNM: the loop, Step 3.1 | `step` (`Newton::run_as_printed`) |
-//! | Step 1 | `check` (`Newton::step_1`), the final check with it |
-//! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint`; on the surrogate within `law` (`Law::solve`) |
-//! | Step 3.2, P_Λ after 3.3 | `step` (`Newton::newton_step`) |
+//! | Algorithms SSNM, ISSNM: the loop | `outer` (`Newton::run`) |
+//! | Step 1 | `check` (`Newton::step_1`), with the final check; what ends a solve: `goal` (`Goal::judge`) |
+//! | Step 2: 𝒜ν, ℐν, 𝒜τ, ℐτ⁺, ℐτ⁻ | `sets` (`Sets::predict`), node by node in `constraint`; on the surrogate within `SlipBound::solve` |
+//! | Steps 3.1 and 3.2, P_Λ after 3.3 | `printed` (`AsPrinted::make`, `Newton::newton_step`) |
 //! | Step 3.3: CGM, the problem (11) | `inner` (`minimise`) |
-//! | Step 3.4: err, (10) | `newton` (`Newton::error`) |
+//! | Step 3.4: err, (10) | `gauge` (`Gauge::error`) |
 //! | P_Λ: (4), (5) | `constraint` (`Disc::project`) |
 //! | q (8) and its gradient r (9) | `point` (`Point::q_change`), `products` |
-//! | λ⁰, err⁰, ρ = β/σ_max | `setup` |
+//! | Λ, λ⁰, err⁰, ρ = β/σ_max | `dual_problem`, `setup`, `gauge` |
 //!
 //! Extensions beyond the text of the paper have the same solutions, except for Coulomb's law, which the paper does not treat:
 //!
@@ -48,7 +48,9 @@
 //!   the error of products. Projected gradient steps make the algorithms as printed converge (`safeguard`).
 
 mod check;
+mod dual_problem;
 mod face;
+mod gauge;
 mod goal;
 mod inner;
 mod known;
@@ -56,7 +58,9 @@ mod law;
 mod multisecant;
 mod newton;
 mod numbers;
+mod outer;
 mod point;
+mod printed;
 mod products;
 mod safeguard;
 mod scaling;
@@ -64,7 +68,6 @@ mod sets;
 mod settings;
 mod setup;
 mod solution;
-mod step;
 mod subproblem;
 mod surrogate;
 #[cfg(test)]
@@ -76,11 +79,14 @@ pub use sets::{SetSizes, Sets, SlipSizes};
 pub use settings::{Method, NewtonSettings, RecycledSubspace, SettingsError, WarmStart};
 pub use solution::{Cause, Info, Solution, SolveError, Status, Step};
 
-use crate::dual::{DualError, DualOperator, conditions};
+use crate::control::Stop;
+use crate::dual::{DualError, DualOperator};
 use crate::problem::{ContactProblem, Elsewhere};
-use check::End;
+use check::Certificate;
+use dual_problem::DualProblem;
+use newton::Newton;
+use outer::Way;
 use scaling::Scaled;
-use setup::{SetUp, Start};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -139,84 +145,84 @@ pub(crate) fn solve_elsewhere<const D: usize>(
     if found != expected {
         return Err(Cause::OtherProblem { expected, found }.into());
     }
-    let dual = Scaled::new(problem, dual, settings.numbers.scaling);
-    let first = Start::new(problem, &dual);
-    let (imbalance, mechanism) = (first.imbalance.clone(), first.mechanism.clone());
-    // The part of the load that no contact can balance is left out, so that a u exists for the rest.
-    let held = &problem.under(first.held(problem));
-    let SetUp {
-        mut newton,
-        mut way,
-        n_a_sigma,
-        seconds: setup_seconds,
-        outcome,
-    } = SetUp::new(held, dual, first, settings, &start, recycled, begin);
-
-    let outcome = outcome.and_then(|()| match settings.method {
+    let scaled = Scaled::new(problem, dual, settings.numbers.scaling);
+    let dual = DualProblem::new(problem, &scaled, settings, start.motion);
+    // Forces that do not balance the bodies are not a usable start.
+    let is_held = dual.imbalance.is_empty();
+    let initial = start.lambda.filter(|_| is_held);
+    let stop = Stop {
+        // A limit beyond the range of the clock counts as no limit.
+        deadline: (settings.time_limit).and_then(|limit| begin.checked_add(limit)),
+        interrupt: settings.interrupt.as_deref(),
+        ranks: None,
+    };
+    let mut newton = Newton::new(&dual, scaled, stop, recycled);
+    let mut way = Way::new(&dual);
+    let set_up = newton.set_up(&mut way, initial, recycled);
+    way.setup_seconds = begin.elapsed().as_secs_f64();
+    let outcome = set_up.and_then(|()| match is_held {
+        true => newton.run(&mut way, observer),
         // This is known before the first step. The rest of the load is on the boundary of the loads that can be
         // balanced, often by forces that no contact reaches: its solution would say nothing more.
-        _ if !imbalance.is_empty() => Ok(Status::NotHeld),
-        Method::Multisecant => newton.run_multisecant(&mut way, settings, observer),
-        _ => newton.run_as_printed(&mut way, settings, observer),
+        false => Ok(Status::NotHeld),
     });
     if settings.method == Method::Multisecant {
         recycled.surrogate = std::mem::take(&mut newton.surrogate);
     }
-    let failed = |error: DualError, lambda, history| SolveError {
-        cause: error.into(),
-        lambda,
-        history,
-    };
-    let ended = newton.end(&mut way, outcome);
-    let lambda = newton.unscaled(&way.point).0;
-    let End {
-        mut status,
-        u,
-        mut kkt,
-        err_relative,
-    } = match ended {
-        Ok(ended) => ended,
-        Err(error) => return Err(failed(error, lambda, way.history)),
-    };
-    let bounds = newton.law.bounds(&way.point.lambda);
-    let mut sets = Sets::at_solution(
-        &way.point.lambda,
-        &way.point.r,
-        newton.gradient_length(),
-        &bounds,
-    );
-    sets.slide(problem.slipped(&u, &lambda, MET * settings.tolerance));
-    if !imbalance.is_empty() {
-        kkt = match conditions(problem, &mut newton.products.dual, &u, &lambda) {
-            Ok(kkt) => kkt,
-            Err(error) => return Err(failed(error, lambda, way.history)),
+    newton.solution(way, outcome, begin)
+}
+
+impl<const D: usize> Newton<'_, D> {
+    /// The result of a solve that began at this time.
+    fn solution(
+        &mut self,
+        mut way: Way<D>,
+        outcome: Result<Status, DualError>,
+        begin: Instant,
+    ) -> Result<Solution<D>, SolveError> {
+        let ended = self.end(&mut way, outcome);
+        let lambda = self.unscaled(&way.point).0;
+        let (mut status, Certificate { u, kkt }, err_relative) = match ended {
+            Ok(ended) => ended,
+            Err(error) => {
+                return Err(SolveError {
+                    lambda,
+                    history: way.history,
+                    ..error.into()
+                });
+            }
         };
         // A product that could not be made changes nothing about that.
-        if status == Status::Stagnated {
+        if !self.dual.imbalance.is_empty() && status == Status::Stagnated {
             status = Status::NotHeld;
         }
+        let (point, length) = (&way.point, self.gauge.gradient_length());
+        let bounds = self.dual.law.bounds(&point.lambda);
+        let mut sets = Sets::at_solution(&point.lambda, &point.r, length, &bounds);
+        let part = MET * self.dual.settings.tolerance;
+        sets.slide(self.dual.whole.slipped(&u, &lambda, part));
+        let info = Info {
+            iter: way.history.len(),
+            n_a: self.products.n_a,
+            first_met: way.first_met,
+            n_a_sigma: way.n_a_sigma,
+            rho: self.gauge.rho(),
+            sigma_max: self.gauge.sigma,
+            first_error: way.err0,
+            err_relative,
+            kkt,
+            history: way.history,
+            setup_seconds: way.setup_seconds,
+            solve_seconds: begin.elapsed().as_secs_f64() - way.setup_seconds,
+        };
+        Ok(Solution {
+            status,
+            u,
+            lambda,
+            sets,
+            imbalance: self.dual.imbalance.clone(),
+            mechanism: self.dual.mechanism.clone(),
+            info,
+        })
     }
-    let info = Info {
-        iter: way.history.len(),
-        n_a: newton.products.n_a,
-        first_met: way.first_met,
-        n_a_sigma,
-        rho: newton.rho(),
-        sigma_max: newton.sigma,
-        first_error: way.err0,
-        err_relative,
-        kkt,
-        history: way.history,
-        setup_seconds,
-        solve_seconds: begin.elapsed().as_secs_f64() - setup_seconds,
-    };
-    Ok(Solution {
-        status,
-        u,
-        lambda,
-        sets,
-        imbalance,
-        mechanism,
-        info,
-    })
 }

@@ -1,8 +1,9 @@
-//! The conditions on a point before the final check is worth its price.
+//! The conditions on a point before the final check is worth its price, and on a solution.
 
-use super::Numbers;
-use crate::constraint::{Disc, at, put};
-use crate::problem::{ContactProblem, beyond, slip_violation, tangents_of};
+use super::check::Verdict;
+use super::{MET, NewtonSettings, Numbers, Status};
+use crate::constraint::{at, put};
+use crate::problem::{ContactProblem, Kkt, Scales, beyond, slip_violation, tangents_of};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use std::array::from_fn;
@@ -15,27 +16,67 @@ pub(super) struct Goal {
     tolerance: f64,
     numbers: Numbers,
     /// Penetration, gaps under forces, and slip where there should be none, at most, beyond rounding; known after the first check.
-    pub slack: f64,
+    slack: f64,
     /// |λνᵀ(Nu − d)| / ‖λ‖ at most, as above.
-    pub work: f64,
+    work: f64,
     /// Final checks that failed.
     pub checks: usize,
     /// Forces are measured by those before the load step as well, where they were larger.
     pub by_start: bool,
 }
 
+/// What is known of a point.
+pub(super) struct Evidence {
+    pub err: f64,
+    /// Whether it meets the goal; in the final check, whether its forces do.
+    pub accurate: bool,
+    /// Whether rounding hides err.
+    pub hidden: bool,
+    /// The conditions against K, after the final check.
+    pub kkt: Option<Kkt>,
+}
+
 impl Goal {
-    /// Of a solve to ε; err is set at each point.
-    pub fn new(tolerance: f64, numbers: Numbers) -> Self {
+    /// Of a solve with these settings; err is set at each point.
+    pub fn new(settings: &NewtonSettings) -> Self {
         Self {
             err: 0.0,
-            tolerance,
-            numbers,
+            tolerance: settings.tolerance,
+            numbers: settings.numbers,
             slack: f64::INFINITY,
             work: f64::INFINITY,
             checks: 0,
             by_start: false,
         }
+    }
+
+    /// Whether a solve has ended.
+    pub fn judge(&self, evidence: &Evidence) -> Verdict {
+        let limit = MET * self.tolerance;
+        match &evidence.kkt {
+            None if evidence.accurate => Verdict::Check,
+            None if evidence.hidden => Verdict::MakeExact,
+            None => Verdict::GoOn,
+            Some(kkt)
+                if evidence.err <= self.err * (1.0 + 1e-6)
+                    && evidence.accurate
+                    && kkt.max() <= limit =>
+            {
+                Verdict::Done(Status::Converged)
+            }
+            // Equilibrium does not depend on λ: no further step can repair it. A goal that was met again and again and
+            // still fails the check is at the limit of rounding.
+            Some(kkt) if !(kkt.equilibrium <= limit) || self.checks >= self.numbers.checks => {
+                Verdict::Done(Status::Stagnated)
+            }
+            Some(_) => Verdict::Refreshed,
+        }
+    }
+
+    /// Demands what the conditions against K demand, at these scales, from here on.
+    pub fn tighten(&mut self, scales: &Scales) {
+        self.slack = MET * self.tolerance * scales.length;
+        self.work = MET * self.tolerance * scales.deformation;
     }
 
     /// Whether a point with gradient r and error err meets it; `moved` as in [`Goal::forces_met`]. Written so that NaN
@@ -63,12 +104,10 @@ impl Goal {
         let (rn, rt) = r.split_at(m);
         let (g, (own, c)) = (problem.bounds(lambda), problem.compliance().split_at(m));
         let penetration = (0..m).fold(0.0, |acc: f64, i| {
-            let is_tied = Disc { g: g[i] }.is_tied();
             let apart = rn[i].min(own[i] * ln[i]);
-            acc.max(if is_tied {
-                rn[i].abs()
-            } else {
-                apart.max(-rn[i])
+            acc.max(match problem.is_tied(i) {
+                true => rn[i].abs(),
+                false => apart.max(-rn[i]),
             })
         });
         let slip = (0..m).fold(0.0, |acc: f64, i| {
@@ -101,43 +140,31 @@ impl Goal {
             forces, touching, ..
         } = self.numbers;
         let (areas, compliance) = (problem.areas(), problem.compliance());
-        let bounds = problem.bounds(lambda);
         let rounding = rounding(problem, lambda, r, moved);
-        let nodes = || bounds.iter().map(|&g| Disc { g }).enumerate();
-        // The gap that each node would close by itself, within its law.
-        let mut missing = vec![0.0; r.len()];
-        for (i, disc) in nodes() {
-            let [node, slope, c, none] = [lambda, r, compliance, &rounding].map(|x| at::<D>(x, i));
-            let alone: [f64; D] = from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= none[a]) {
-                true => node[a] - slope[a] / c[a],
-                false => node[a],
-            });
-            // NaN must not pass, and a projection would hide it.
-            if alone.iter().any(|v| v.is_nan()) {
-                return false;
-            }
-            let met = disc.project(alone);
-            let closed: [f64; D] = from_fn(|a| c[a] * (met[a] - node[a]));
-            put(&mut missing, i, closed);
-        }
+        let Some(missing) = missing(problem, lambda, r, &rounding) else {
+            return false;
+        };
         let closing = close_alone(problem, &missing, self.numbers.force_steps);
-        let (mut pressure, mut traction) = (0.0_f64, 0.0_f64);
-        let mut off = 0.0_f64;
-        if self.by_start {
-            for i in 0..problem.load_case().before.len() / D {
-                let before: [f64; D] = at(&problem.load_case().before, i);
-                pressure = pressure.max(before[0].abs() / areas[i]);
-                traction = (before[1..].iter()).fold(traction, |t, v| t.max(v.abs() / areas[i]));
-            }
+        // The largest pressure and the largest traction.
+        let mut largest = [0.0_f64; 2];
+        let mut note = |i: usize, a: usize, force: f64| {
+            let kind = &mut largest[usize::from(a > 0)];
+            *kind = kind.max(force.abs() / areas[i]);
+        };
+        let before = &problem.load_case().before;
+        for i in 0..if self.by_start { before.len() / D } else { 0 } {
+            let before: [f64; D] = at(before, i);
+            (0..D).for_each(|a| note(i, a, before[a]));
         }
-        for (i, disc) in nodes() {
+        let mut off = 0.0_f64;
+        for i in 0..problem.m() {
             let [node, more, c, none] =
                 [lambda, &closing, compliance, &rounding].map(|x| at::<D>(x, i));
+            let disc = problem.law(i).disc(node[0]);
             let met: [f64; D] = disc.project(from_fn(|a| node[a] + more[a]));
             for a in 0..D {
                 if c[a] * node[a].abs() > touching * none[a] {
-                    let largest = if a == 0 { &mut pressure } else { &mut traction };
-                    *largest = largest.max(node[a].abs() / areas[i]);
+                    note(i, a, node[a]);
                     off = off.max(none[a] / c[a] / areas[i]);
                 }
                 let moved = (met[a] - node[a]).abs() / areas[i];
@@ -148,9 +175,35 @@ impl Goal {
             }
         }
         // Under given bounds there may be only tractions.
+        let [pressure, traction] = largest;
         let largest = if pressure > 0.0 { pressure } else { traction };
         largest == 0.0 || off <= forces * self.tolerance * largest
     }
+}
+
+/// The gap that each node would close by itself, within its law; None if one is not a number: a projection would hide that.
+fn missing<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    lambda: &[f64],
+    r: &[f64],
+    rounding: &[f64],
+) -> Option<Vec<f64>> {
+    let compliance = problem.compliance();
+    let mut missing = vec![0.0; r.len()];
+    for i in 0..problem.m() {
+        let [node, slope, c, none] = [lambda, r, compliance, rounding].map(|x| at::<D>(x, i));
+        let alone: [f64; D] = from_fn(|a| match c[a] > 0.0 && !(slope[a].abs() <= none[a]) {
+            true => node[a] - slope[a] / c[a],
+            false => node[a],
+        });
+        if alone.iter().any(|v| v.is_nan()) {
+            return None;
+        }
+        let met = problem.law(i).disc(node[0]).project(alone);
+        let closed: [f64; D] = from_fn(|a| c[a] * (met[a] - node[a]));
+        put(&mut missing, i, closed);
+    }
+    Some(missing)
 }
 
 /// The rounding of each entry of r.
@@ -269,8 +322,53 @@ mod tests {
     }
 
     #[test]
+    fn a_solve_ends_by_its_certificate() {
+        let mut goal = Goal::new(&NewtonSettings::default());
+        goal.err = 1.0;
+        let judge = |goal: &Goal, [accurate, hidden]: [bool; 2]| {
+            goal.judge(&Evidence {
+                err: 2.0,
+                accurate,
+                hidden,
+                kkt: None,
+            })
+        };
+        assert_eq!(judge(&goal, [true, true]), Verdict::Check);
+        assert_eq!(judge(&goal, [false, true]), Verdict::MakeExact);
+        assert_eq!(judge(&goal, [false, false]), Verdict::GoOn);
+        let checked = |goal: &Goal, err: f64, accurate: bool, [equilibrium, slip]: [f64; 2]| {
+            let kkt = Kkt {
+                equilibrium,
+                slip,
+                ..Kkt::default()
+            };
+            goal.judge(&Evidence {
+                err,
+                accurate,
+                hidden: false,
+                kkt: Some(kkt),
+            })
+        };
+        let (done, again) = (Verdict::Done, Verdict::Refreshed);
+        assert_eq!(
+            checked(&goal, 1.0, true, [9e-6; 2]),
+            done(Status::Converged)
+        );
+        // An error, forces or slip that further steps may improve; NaN is not among them.
+        for (err, accurate, slip) in [(1.1, true, 0.0), (1.0, false, 0.0), (1.0, true, 1.1e-5)] {
+            assert_eq!(checked(&goal, err, accurate, [0.0, slip]), again);
+        }
+        for equilibrium in [1.1e-5, f64::NAN] {
+            let verdict = checked(&goal, 1.0, true, [equilibrium, 0.0]);
+            assert_eq!(verdict, done(Status::Stagnated));
+        }
+        goal.checks = goal.numbers.checks;
+        assert_eq!(checked(&goal, 1.1, true, [0.0; 2]), done(Status::Stagnated));
+    }
+
+    #[test]
     fn gaps_are_forces_that_are_missing() {
-        let goal = Goal::new(1e-6, Numbers::default());
+        let goal = Goal::new(&NewtonSettings::default());
         let problem = four_on_two(1e-3);
         let mut lambda = vec![1.0; 8];
         lambda[4..].fill(0.0);

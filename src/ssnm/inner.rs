@@ -21,7 +21,7 @@ impl<const D: usize> Newton<'_, D> {
             point,
             &face,
             target,
-            DEPENDENT * self.sigma,
+            DEPENDENT * self.gauge.sigma,
             |p| match products.stop.now() {
                 Some(_) => Ok(None),
                 None => products.apply(p).map(Some),

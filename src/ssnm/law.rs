@@ -1,6 +1,7 @@
 //! The laws of all contact nodes, in scaled multipliers.
 
-use super::point::project;
+use super::Numbers;
+use super::point::{Point, project};
 use super::scaling::Scaled;
 use crate::constraint::{SlipBound, at};
 use crate::dual::balance::Balance;
@@ -9,7 +10,40 @@ use crate::problem::ContactProblem;
 /// |λτ,i| ≤ gᵢ with gᵢ given (Tresca) or gᵢ = μᵢλν,i (Coulomb), node by node; no bounds where a node is tied.
 pub(super) struct Law {
     nodes: Vec<SlipBound>,
-    is_coulomb: bool,
+    /// What steps are to lower: where any bound is μλν, the error.
+    pub merit: Merit,
+}
+
+/// What steps are to lower.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Merit {
+    /// q (8), under given bounds.
+    Energy,
+    /// err (10), under Coulomb's law: there is no q.
+    Error,
+}
+
+impl Merit {
+    /// Whether q has fallen, by more than rounding.
+    pub fn falls(self, before: &Point, after: &Point) -> bool {
+        self == Self::Energy && before.q_change(after) < -before.q_rounding(after)
+    }
+
+    /// Steps without progress before the method returns to the best point.
+    pub fn patience(self, numbers: &Numbers) -> usize {
+        match self {
+            Self::Energy => numbers.denied,
+            Self::Error => numbers.patience,
+        }
+    }
+
+    /// τ/c after steps without progress: the minimum of q on the chord makes steps as short as necessary by itself.
+    pub fn shortening(self, fruitless: usize, numbers: &Numbers) -> f64 {
+        match self {
+            Self::Energy => 0.0,
+            Self::Error => (fruitless / numbers.fruitless.max(1)) as f64,
+        }
+    }
 }
 
 impl Law {
@@ -24,13 +58,11 @@ impl Law {
         };
         Self {
             nodes: (0..problem.m()).map(scaled).collect(),
-            is_coulomb: problem.has_coulomb(),
+            merit: match problem.has_coulomb() {
+                true => Merit::Error,
+                false => Merit::Energy,
+            },
         }
-    }
-
-    /// Whether some bounds are μλν.
-    pub fn is_coulomb(&self) -> bool {
-        self.is_coulomb
     }
 
     /// That of a node.
@@ -46,14 +78,14 @@ impl Law {
 
     /// Moves λ to a point that obeys the law and balances the bodies; a λ that already does so is unchanged.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
-        if balance.is_none() || self.is_coulomb {
+        if balance.is_none() || self.merit == Merit::Error {
             // λν cut at 0, then λτ at its bound. Without Coulomb friction this is P_Λ.
             let g = self.bounds(lambda);
             project::<D>(lambda, &g);
         }
         // The nearest point of Λₑ is in Λ; under Coulomb's law a point that is cut and in balance may stay.
         if let Some(balance) = balance
-            && !(self.is_coulomb && balance.holds(lambda))
+            && !(self.merit == Merit::Error && balance.holds(lambda))
         {
             let near = balance.nearest(lambda, |i, z: [f64; D]| self.of(i).nearest(z));
             *lambda = near.lambda;
@@ -90,7 +122,11 @@ impl Law {
     pub fn with(m: usize, given: f64, mu: f64) -> Self {
         Self {
             nodes: vec![SlipBound::of(given, mu); m],
-            is_coulomb: mu > 0.0,
+            merit: if mu > 0.0 {
+                Merit::Error
+            } else {
+                Merit::Energy
+            },
         }
     }
 }

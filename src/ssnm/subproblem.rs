@@ -18,7 +18,7 @@
 //! projected gradient step.
 
 use super::Numbers;
-use super::law::Law;
+use super::law::{Law, Merit};
 use super::point::Point;
 use super::surrogate::Surrogate;
 use crate::constraint::{at, put, row_of};
@@ -289,7 +289,7 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
             balance.is_none_or(|balance| balance.is_met(&best.lambda, part))
         };
         !(best.merit > target)
-            && (self.law.is_coulomb()
+            && (self.law.merit == Merit::Error
                 || balanced(ROUNDING)
                 || (stays && balanced(100.0 * ROUNDING)))
     }
