@@ -3,9 +3,8 @@
 use super::law::Law;
 use super::point::Point;
 use super::sets::Sets;
-use crate::constraint::{at, put};
+use crate::constraint::{at, row_of};
 use crate::dual::balance::{Balance, FaceBalance};
-use std::array::from_fn;
 use std::rc::Rc;
 
 /// The unknowns y of a step: λ moves by F y.
@@ -80,14 +79,21 @@ impl<const D: usize> Face<D> {
         }
     }
 
+    /// That of a tangent of node i.
+    fn row(&self, i: usize, a: usize) -> usize {
+        row_of::<D>(self.sets.nodes().len(), i, a)
+    }
+
     fn lift(&self, y: &mut [f64]) {
         self.sets.mask(y);
         for (i, node) in self.sets.nodes().iter().enumerate() {
             let (Some(mu), Some(s)) = (self.follows(i), node.slip) else {
                 continue;
             };
-            let free: [f64; D] = at(y, i);
-            put(y, i, from_fn::<_, D, _>(|a| free[a] + s[a] * mu * free[0]));
+            let normal = y[i];
+            for a in 1..D {
+                y[self.row(i, a)] += s[a] * mu * normal;
+            }
         }
     }
 
@@ -112,14 +118,9 @@ impl<const D: usize> Face<D> {
             return;
         };
         for (i, (&kappa, node)) in kappa.iter().zip(self.sets.nodes()).enumerate() {
-            if kappa != 0.0 {
-                let (along, before): ([f64; D], [f64; D]) =
-                    (node.free_part(at(p, i)), at(image, i));
-                let curved = from_fn::<_, D, _>(|a| match a {
-                    0 => before[0],
-                    _ => before[a] + kappa * along[a],
-                });
-                put(image, i, curved);
+            let along: [f64; D] = node.free_part(at(p, i));
+            for a in 1..if kappa == 0.0 { 1 } else { D } {
+                image[self.row(i, a)] += kappa * along[a];
             }
         }
     }
@@ -132,15 +133,7 @@ impl<const D: usize> Face<D> {
         };
         for (i, &kappa) in kappa.iter().enumerate().filter(|(_, kappa)| **kappa != 0.0) {
             let weight = mean / (mean + kappa);
-            let before: [f64; D] = at(p, i);
-            put(
-                p,
-                i,
-                from_fn::<_, D, _>(|a| match a {
-                    0 => before[0],
-                    _ => weight * before[a],
-                }),
-            );
+            (1..D).for_each(|a| p[self.row(i, a)] *= weight);
         }
         self.direction(p);
     }
@@ -169,7 +162,7 @@ impl Curvature {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::constraint::Disc;
+    use crate::constraint::{Disc, put};
 
     /// Two nodes, one that slips and one that sticks, and a full A.
     fn gradient(lambda: &[f64]) -> Vec<f64> {

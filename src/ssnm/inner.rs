@@ -47,8 +47,7 @@ fn minimise<const D: usize, E>(
     flat: f64,
     mut product: impl FnMut(&[f64]) -> Result<Option<Vec<f64>>, E>,
 ) -> Result<usize, E> {
-    // p, A p, that with the curvature of circles, and q.
-    let mut known: Vec<[Vec<f64>; 4]> = Vec::new();
+    let mut known: Vec<Direction> = Vec::new();
     // The vectors orthogonal to the q of others: p or q.
     let own = if face.is_symmetric() { 0 } else { 3 };
     // On the way r is the gradient of the model: at the λ where circles are linearised the two are the same.
@@ -79,26 +78,9 @@ fn minimise<const D: usize, E>(
         face.add_curvature(&p, &mut curved);
         let mut seen = curved.clone();
         face.residual(&mut seen);
-        let before = norm(&seen);
-        let mut new = [p, image, curved, seen];
-        for _ in 0..2 {
-            for old in &known {
-                let c = dot(&old[own], &new[3]);
-                for (new, old) in new.iter_mut().zip(old) {
-                    add_times(-c, old, new);
-                }
-            }
-        }
-        let curvature = dot(&new[own], &new[3]);
-        // Written so that NaN is refused.
-        let is_curved = curvature > flat * norm(&new[own]) * norm(&new[0]);
-        if !(is_curved && norm(&new[3]) > INDEPENDENT * before) {
+        let Some(new) = conjugate([p, image, curved, seen], &known, own, flat) else {
             return Ok(iteration + 1);
-        }
-        let scale = 1.0 / curvature.sqrt();
-        for v in new.iter_mut().flatten() {
-            *v *= scale;
-        }
+        };
         let step = -dot(&new[own], &r);
         add_times(step, &new[0], &mut point.lambda);
         add_times(step, &new[1], &mut point.r);
@@ -109,6 +91,29 @@ fn minimise<const D: usize, E>(
         known.push(new);
     }
     Ok(most)
+}
+
+/// p, A p, that with the curvature of circles, and q.
+type Direction = [Vec<f64>; 4];
+
+/// Makes a direction conjugate to the known ones, with length one; None if it adds nothing new.
+fn conjugate(mut new: Direction, known: &[Direction], own: usize, flat: f64) -> Option<Direction> {
+    let before = norm(&new[3]);
+    for _ in 0..2 {
+        for old in known {
+            let c = dot(&old[own], &new[3]);
+            for (new, old) in new.iter_mut().zip(old) {
+                add_times(-c, old, new);
+            }
+        }
+    }
+    let curvature = dot(&new[own], &new[3]);
+    // Written so that NaN is refused.
+    let is_curved = curvature > flat * norm(&new[own]) * norm(&new[0]);
+    let scale = 1.0 / curvature.sqrt();
+    let is_new = is_curved && norm(&new[3]) > INDEPENDENT * before;
+    new.iter_mut().flatten().for_each(|v| *v *= scale);
+    is_new.then_some(new)
 }
 
 #[cfg(test)]

@@ -27,30 +27,17 @@ macro_rules! numbers {
             /// name.
             pub fn times(mut self, name: &str, factor: f64) -> Self {
                 match name {
-                    $(stringify!($name) => self.$name = (factor * self.$name as f64).round_to_kind(),)+
+                    $(stringify!($name) => {
+                        let changed = factor * self.$name as f64;
+                        let is_count = stringify!($kind) == "usize";
+                        self.$name = (if is_count { changed.round() } else { changed }) as $kind;
+                    })+
                     _ => {}
                 }
                 self
             }
         }
     };
-}
-
-/// From a product to a number or, rounded, to a count.
-trait RoundToKind<T> {
-    fn round_to_kind(self) -> T;
-}
-
-impl RoundToKind<f64> for f64 {
-    fn round_to_kind(self) -> f64 {
-        self
-    }
-}
-
-impl RoundToKind<usize> for f64 {
-    fn round_to_kind(self) -> usize {
-        self.round() as usize
-    }
 }
 
 numbers! {

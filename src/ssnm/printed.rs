@@ -143,11 +143,8 @@ impl<const D: usize> Newton<'_, D> {
         way.inner = None;
         let point = &mut way.point;
         self.gradient_step(point)?;
-        *point = self
-            .gauge
-            .step_from(point, self.gauge.gradient_length())
-            .start;
-        let law = &self.dual.law;
+        let (law, length) = (&self.dual.law, self.gauge.gradient_length());
+        *point = self.gauge.step_from(point, length).start;
         let sets = Sets::binding(&point.lambda, &point.r, &law.bounds(&point.lambda));
         let face = Face::new(sets.clone(), law, self.dual.balance.as_ref());
         let mut end = point.clone();

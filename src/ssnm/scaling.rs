@@ -40,19 +40,12 @@ impl<'a> Scaled<'a> {
         let mut sorted: Vec<f64> = estimates.iter().copied().filter(|&e| e > 0.0).collect();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-        let scale: Vec<f64> = estimates
-            .iter()
-            .map(|&e| {
-                if e > 0.0 {
-                    (power * (median / e).log2())
-                        .trunc()
-                        .clamp(-60.0, 60.0)
-                        .exp2()
-                } else {
-                    1.0
-                }
-            })
-            .collect();
+        let exponent = |e: f64| (power * (median / e).log2()).trunc();
+        let factor = estimates.iter().map(|&e| match e > 0.0 {
+            true => exponent(e).clamp(-60.0, 60.0).exp2(),
+            false => 1.0,
+        });
+        let scale: Vec<f64> = factor.collect();
         let needed = scale.iter().any(|&s| s != 1.0);
         Self {
             dual,

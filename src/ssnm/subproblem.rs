@@ -29,6 +29,7 @@ use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, difference, dot, norm};
 use faer::Mat;
 use rayon::prelude::*;
+use std::array::from_fn;
 
 /// The problem to solve.
 pub(super) struct Subproblem<'a> {
@@ -146,6 +147,65 @@ impl Subproblem<'_> {
         unknowns.extend(motion);
         Equations::<D>::solve(self, unknowns, target)
     }
+
+    /// E and P'E/b, column by column, on the nodes where P' is not zero.
+    fn images<const D: usize>(&self, trial: &Trial) -> [Vec<f64>; 2] {
+        let m = trial.z.len() / D;
+        let (count, size) = (self.surrogate.n_columns(), trial.unknowns.len());
+        let moving: Vec<_> = (0..m)
+            .map(|i| (i, self.law.of(i).solve::<D>(at(&trial.z, i)).1))
+            .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
+            .collect();
+        let rows = D * moving.len();
+        let mut e = vec![0.0; rows * size];
+        if let Some(balance) = self.balance {
+            for (place, &(i, _)) in moving.iter().enumerate() {
+                for a in 0..D {
+                    for (j, v) in balance.row(row_of::<D>(m, i, a)) {
+                        e[rows * (count + j) + D * place + a] = -v;
+                    }
+                }
+            }
+        }
+        let columns: Vec<(&[f64], f64, f64)> = self.surrogate.columns().collect();
+        let is_compliant = self.surrogate.softest() > 0.0;
+        let mut moved = vec![0.0; rows * size];
+        let fill = |(j, (e, moved)): (usize, (&mut [f64], &mut [f64]))| {
+            if let Some((column, factor, _)) = columns.get(j) {
+                for (e, &(i, _)) in e.chunks_exact_mut(D).zip(&moving) {
+                    let own: [f64; D] = at(column, i);
+                    (0..D).for_each(|a| e[a] = factor * own[a]);
+                }
+            }
+            let places = e.chunks_exact(D).zip(moved.chunks_exact_mut(D));
+            for ((e, moved), &(i, derivative)) in places.zip(&moving) {
+                // ∂z of the gradient is 1/(b + C).
+                let diagonal = |c| {
+                    self.surrogate
+                        .diagonal(row_of::<D>(m, i, c), self.stiffness)
+                };
+                let (before, after): ([f64; D], f64) = match is_compliant {
+                    true => (from_fn(|c| e[c] / diagonal(c)), 1.0),
+                    false => (from_fn(|c| e[c]), self.stiffness),
+                };
+                for a in 0..D {
+                    let terms = derivative[a].iter().zip(before).map(|(d, e)| d * e);
+                    moved[a] = terms.sum::<f64>() / after;
+                }
+            }
+        };
+        // Without a node that moves there is nothing to fill.
+        let long = rows.max(1);
+        match rows * size < PARALLEL {
+            true => (e.chunks_mut(long).zip(moved.chunks_mut(long)))
+                .enumerate()
+                .for_each(fill),
+            false => (e.par_chunks_mut(long).zip(moved.par_chunks_mut(long)))
+                .enumerate()
+                .for_each(fill),
+        }
+        [e, moved]
+    }
 }
 
 impl<const D: usize> Equations<D> for Subproblem<'_> {
@@ -205,70 +265,13 @@ impl<const D: usize> Equations<D> for Subproblem<'_> {
         }
     }
 
-    /// Newton's direction: with E = [U, −Gᵀ], (diag(S, 0) + Eᵀ P' E / b) (ds, da) = −rest, on the nodes where P' is not
-    /// zero.
+    /// Newton's direction: with E = [U, −Gᵀ], (diag(S, 0) + Eᵀ P' E / b) (ds, da) = −rest.
     fn direction(&self, trial: &Trial) -> Vec<f64> {
-        let m = trial.z.len() / D;
         let (count, size) = (self.surrogate.n_columns(), trial.unknowns.len());
-        let moving: Vec<_> = (0..m)
-            .map(|i| (i, self.law.of(i).solve::<D>(at(&trial.z, i)).1))
-            .filter(|(_, derivative)| derivative.iter().flatten().any(|&v| v != 0.0))
-            .collect();
-        // Column by column.
-        let rows = D * moving.len();
-        let mut e = vec![0.0; rows * size];
-        if let Some(balance) = self.balance {
-            for (place, &(i, _)) in moving.iter().enumerate() {
-                for a in 0..D {
-                    for (j, v) in balance.row(row_of::<D>(m, i, a)) {
-                        e[rows * (count + j) + D * place + a] = -v;
-                    }
-                }
-            }
-        }
-        let columns: Vec<(&[f64], f64, f64)> = self.surrogate.columns().collect();
-        let is_compliant = self.surrogate.softest() > 0.0;
-        let mut moved = vec![0.0; rows * size];
-        let fill = |(j, (e, moved)): (usize, (&mut [f64], &mut [f64]))| {
-            if let Some((column, factor, _)) = columns.get(j) {
-                for (e, &(i, _)) in e.chunks_exact_mut(D).zip(&moving) {
-                    let own: [f64; D] = at(column, i);
-                    (0..D).for_each(|a| e[a] = factor * own[a]);
-                }
-            }
-            let places = e.chunks_exact(D).zip(moved.chunks_exact_mut(D));
-            for ((e, moved), &(i, derivative)) in places.zip(&moving) {
-                // ∂z of the gradient is 1/(b + C).
-                let divided = |c: usize| match is_compliant {
-                    true => {
-                        let row = row_of::<D>(m, i, c);
-                        e[c] / self.surrogate.diagonal(row, self.stiffness)
-                    }
-                    false => e[c],
-                };
-                for a in 0..D {
-                    let row = derivative[a].iter().enumerate();
-                    let sum: f64 = row.map(|(c, d)| d * divided(c)).sum();
-                    moved[a] = match is_compliant {
-                        true => sum,
-                        false => sum / self.stiffness,
-                    };
-                }
-            }
-        };
-        // Without a node that moves there is nothing to fill.
-        let long = rows.max(1);
-        match rows * size < PARALLEL {
-            true => (e.chunks_mut(long).zip(moved.chunks_mut(long)))
-                .enumerate()
-                .for_each(fill),
-            false => (e.par_chunks_mut(long).zip(moved.par_chunks_mut(long)))
-                .enumerate()
-                .for_each(fill),
-        }
-        let mut matrix = match rows {
+        let [e, moved] = self.images::<D>(trial);
+        let mut matrix = match e.len() {
             0 => Mat::zeros(size, size),
-            rows => transposed_product(rows, &e, &moved),
+            entries => transposed_product(entries / size, &e, &moved),
         };
         for (j, (_, _, sign)) in self.surrogate.columns().enumerate() {
             matrix[(j, j)] += sign;

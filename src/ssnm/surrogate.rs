@@ -87,22 +87,13 @@ impl Surrogate {
         if self.len() == 0 || before == compliance {
             return;
         }
-        let (directions, images) = (
-            std::mem::take(&mut self.directions),
-            std::mem::take(&mut self.images),
-        );
-        let errors = std::mem::take(&mut self.errors);
-        *self = Self {
-            base: self.base,
-            most,
-            compliance: compliance.to_vec(),
-            scale: std::mem::take(&mut self.scale),
-            ..Self::default()
-        };
+        let old = std::mem::take(self);
+        (self.base, self.most) = (old.base, most);
+        (self.compliance, self.scale) = (old.compliance, old.scale);
         let of = |c: &[f64], i: usize| c.get(i).copied().unwrap_or(0.0);
-        let pairs = directions.into_iter().zip(images).zip(errors);
-        let old = pairs.len().saturating_sub(KEPT);
-        for ((direction, mut image), error) in pairs.skip(old) {
+        let pairs = old.directions.into_iter().zip(old.images).zip(old.errors);
+        let early = pairs.len().saturating_sub(KEPT);
+        for ((direction, mut image), error) in pairs.skip(early) {
             for (i, (w, v)) in image.iter_mut().zip(&direction).enumerate() {
                 *w += (of(compliance, i) - of(&before, i)) * v;
             }
@@ -237,11 +228,16 @@ impl Surrogate {
 
     /// Ã p.
     pub fn times(&self, p: &[f64]) -> Vec<f64> {
+        self.times_by(p, self.n_columns())
+    }
+
+    /// The same without all but the first columns; with those of the traces it is B₀p.
+    fn times_by(&self, p: &[f64], columns: usize) -> Vec<f64> {
         let entries = p.iter().enumerate();
         let mut image: Vec<f64> = entries
             .map(|(i, p)| self.diagonal(i, self.base) * p)
             .collect();
-        for (column, factor, sign) in self.columns() {
+        for (column, factor, sign) in self.columns().take(columns) {
             add_times(sign * factor * factor * dot(column, p), column, &mut image);
         }
         image
@@ -357,16 +353,6 @@ impl Surrogate {
 
     /// B₀Z by the method of Gram and Schmidt.
     fn weigh(&mut self) {
-        let times = |x: &[f64]| -> Vec<f64> {
-            let entries = x.iter().enumerate();
-            let mut image: Vec<f64> = entries
-                .map(|(i, x)| self.diagonal(i, self.base) * x)
-                .collect();
-            for (trace, sign) in &self.traces {
-                add_times(sign * dot(trace, x), trace, &mut image);
-            }
-            image
-        };
         let (mut basis, mut weighted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
         // For C = 0 and without traces the basis is orthonormal already.
         for q in &self.basis {
@@ -377,7 +363,7 @@ impl Surrogate {
                     add_times(-c, other, &mut z);
                 }
             }
-            let mut image = times(&z);
+            let mut image = self.times_by(&z, self.traces.len());
             let scale = 1.0 / dot(&z, &image).sqrt();
             z.iter_mut().for_each(|v| *v *= scale);
             image.iter_mut().for_each(|v| *v *= scale);
