@@ -137,7 +137,7 @@ impl<const D: usize> NodeSets<D> {
 pub(crate) const TIED: f64 = f64::INFINITY;
 
 /// The source of the slip bound of a contact node: its law.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 pub enum SlipBound {
     /// A given force (Tresca; 0 without friction).
     Given(f64),
@@ -165,21 +165,26 @@ impl SlipBound {
         }
     }
 
+    /// Its entries in these vectors.
+    pub(crate) fn entries(self) -> (f64, f64) {
+        match self {
+            Self::Given(bound) => (bound, 0.0),
+            Self::Coulomb(mu) => (0.0, mu),
+            Self::Tied => (TIED, 0.0),
+        }
+    }
+
     /// μ, 0 where the bound is given.
     pub(crate) fn mu(self) -> f64 {
-        match self {
-            Self::Coulomb(mu) => mu,
-            _ => 0.0,
-        }
+        self.entries().1
     }
 
     /// The multipliers that it permits beside the normal one λν.
     pub(crate) fn disc(self, normal: f64) -> Disc {
         Disc {
             g: match self {
-                Self::Given(bound) => bound,
                 Self::Coulomb(mu) => mu * normal.max(0.0),
-                Self::Tied => TIED,
+                _ => self.entries().0,
             },
         }
     }

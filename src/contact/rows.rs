@@ -5,7 +5,6 @@
 //! multipliers need not be.
 
 use super::{ContactError, ContactPlace, SlipBound, turn_tangents};
-use crate::constraint::TIED;
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
@@ -167,11 +166,11 @@ where
             along_one.push((place.place.into(), row, motion.clone(), rest));
         }
         let (given, mu) = match place.slip_bound {
-            SlipBound::Tied => (TIED, 0.0),
-            _ if rows.iter().all(Vec::is_empty) => (0.0, 0.0),
-            SlipBound::Given(bound) => (bound, 0.0),
-            SlipBound::Coulomb(mu) => (0.0, mu),
-        };
+            SlipBound::Tied => SlipBound::Tied,
+            _ if rows.iter().all(Vec::is_empty) => SlipBound::Given(0.0),
+            law => law,
+        }
+        .entries();
         slip_bound.push(given);
         coefficient.push(mu);
     }

@@ -13,7 +13,6 @@ use super::error::{EntityKind, ModelError};
 use super::loads::{StepData, TemperatureField, acting, end_of};
 use super::supports::{Prescriptions, SAME, extended};
 use super::{Axis, Changes, Definition, Driven, PairData, Quantity, Units};
-use crate::constraint::TIED;
 use crate::contact::{ContactPlace, ContactRows, SlipBound, Space};
 use crate::elasticity::{Bedding, Material, Plane, Unknowns, load_vector, stresses_at};
 use crate::mesh::{Census, Element, ElementKind, FacetPoint, Groups, Mesh, Topology, facet_nodes};
@@ -68,9 +67,7 @@ struct Place {
     gap: f64,
     area: f64,
     pool: u32,
-    /// Given, or under Coulomb's law.
-    bound: f64,
-    is_coulomb: bool,
+    slip_bound: SlipBound,
     compliance: [f64; 2],
     is_node: bool,
     is_directed: bool,
@@ -751,19 +748,13 @@ fn moves<const D: usize>(unknowns: &Unknowns<D>) -> impl Fn(u32, usize) -> bool 
 
 impl Place {
     fn of<const D: usize>(place: &ContactPlace<D>) -> Self {
-        let (bound, is_coulomb) = match place.slip_bound {
-            SlipBound::Given(bound) => (bound, false),
-            SlipBound::Coulomb(mu) => (mu, true),
-            SlipBound::Tied => (TIED, false),
-        };
         Self {
             place: place.place.to_vec(),
             frame: place.frame.as_flattened().to_vec(),
             gap: place.gap,
             area: place.area,
             pool: place.pool,
-            bound,
-            is_coulomb,
+            slip_bound: place.slip_bound,
             compliance: place.compliance,
             is_node: place.node.is_some(),
             is_directed: !place.directed.is_empty(),
@@ -785,11 +776,7 @@ impl Place {
             area: self.area,
             part: 0,
             pool: self.pool,
-            slip_bound: match self.is_coulomb {
-                true => SlipBound::Coulomb(self.bound),
-                false if self.bound == TIED => SlipBound::Tied,
-                false => SlipBound::Given(self.bound),
-            },
+            slip_bound: self.slip_bound,
             compliance: self.compliance,
         }
     }
