@@ -11,7 +11,7 @@ use crate::sparse::add_times;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// The data that stay from the first step to the last: those of min q over Λ, or over Λₑ where bodies can move as a whole.
+/// The data of (8) over Λ, or over Λₑ where bodies can move as a whole: they stay from the first step to the last.
 pub(super) struct DualProblem<'a, const D: usize> {
     /// The whole problem, by which a solution is measured.
     pub whole: &'a ContactProblem<D, Elsewhere>,

@@ -37,7 +37,7 @@ impl Merit {
         }
     }
 
-    /// τ/c after steps without progress: the minimum of q on the chord makes steps as short as necessary by itself.
+    /// τ/c after steps without progress. Under given bounds the minimum of q on the chord makes steps as short as necessary.
     pub fn shortening(self, fruitless: usize, numbers: &Numbers) -> f64 {
         match self {
             Self::Energy => 0.0,
