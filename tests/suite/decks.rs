@@ -1460,6 +1460,40 @@ fn contacts_and_friction_change_with_the_steps() {
     );
 }
 
+/// A pair that a later step adds again has no history; with a stick slope programs disagree about that.
+#[test]
+fn pairs_that_are_added_have_no_springs() {
+    let begin = squares([1.0; 2], "");
+    let change = |what: &str| format!("*MODEL CHANGE, TYPE=CONTACT PAIR, {what}\nSupper, Slower\n");
+    let changes = |friction: &str, of_steps: &[&str]| {
+        let begin = begin.replace("NAME=hard\n", &format!("NAME=hard\n{friction}"));
+        let begin = begin
+            .split(STATIC)
+            .next()
+            .expect("what is before the steps");
+        let steps = of_steps.iter().map(|what| {
+            let change = if what.is_empty() {
+                String::new()
+            } else {
+                change(what)
+            };
+            format!("{STATIC}{change}*END STEP\n")
+        });
+        let steps: String = steps.collect();
+        read(&format!("{begin}{steps}"), &[], &[])
+    };
+    let slope = "*FRICTION\n0.5, 1e3\n";
+    for steps in [&["", "REMOVE", "ADD"], &["REMOVE", "", "ADD"]] {
+        let error = changes(slope, steps).expect_err("springs that begin");
+        let said = error.contains("MODEL CHANGE, ADD") && error.contains("leave the slope out");
+        assert!(said, "{error}");
+        changes("*FRICTION\n0.5\n", steps).or_panic();
+    }
+    for steps in [&["", "REMOVE"][..], &["ADD", ""], &["", "ADD"]] {
+        changes(slope, steps).or_panic();
+    }
+}
+
 /// All entries that change the result are refused in one message, by line and by their names for `--ignore`; the others
 /// are skipped.
 #[test]

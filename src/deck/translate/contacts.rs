@@ -53,6 +53,7 @@ impl<const D: usize> Translation<'_, '_, D> {
             if laws.iter().all(|law| law.0.tied) {
                 continue;
             }
+            self.refuse_added_springs(pair, interaction);
             let slave = self.index.surface(pair.line, pair.slave)?;
             let master = self.index.surface(pair.line, pair.master)?;
             if master.nodes.is_some() {
@@ -182,6 +183,26 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.refuse(change.line, "CHANGE SURFACE BEHAVIOR", text);
             }
             (since, before) = (change.step, &change.behavior);
+        }
+    }
+
+    /// Refuses a pair with a stick slope that a later step adds: the programs differ in where its springs begin.
+    fn refuse_added_springs(&mut self, pair: &PairCard, interaction: &Interaction) {
+        if interaction.stick_slope.is_none() || self.friction(interaction).0.is_none() {
+            return;
+        }
+        let surfaces = [pair.slave, pair.master].map(key);
+        let mut acts = true;
+        for change in &self.said.pair_changes {
+            if change.surfaces != surfaces {
+                continue;
+            }
+            if change.acts && !acts && change.step > 0 {
+                let text = "*MODEL CHANGE, ADD: the springs of the stick slope of *FRICTION begin without force in Abaqus, and in CalculiX with \
+                            that of the way the sides have gone since the beginning: leave the slope out";
+                self.refuse(change.line, "MODEL CHANGE", text);
+            }
+            acts = change.acts;
         }
     }
 
