@@ -89,6 +89,7 @@ axis = { point = [1.0, 2.0] }
 [[support]]
 point = [0.5, 0.25]
 x = 0.0
+directions = [[0.0, 1.0], [-2.0, 0.0]]
 [[support]]
 boundary = "middle"
 symmetry = true

@@ -7,6 +7,7 @@ use super::pair::Stiffness;
 use super::stated::{self, Flaw};
 use super::{Quantity, Units};
 use crate::elasticity::{Hyperelastic, Incompressible, Material};
+use crate::mesh::vector::{dot, unit};
 use crate::problem::{SIZES, is_sized};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -268,6 +269,21 @@ fn axis_fault<const D: usize>(axis: Option<&Axis<D>>, wanted: bool) -> Option<Fl
     .map(|text| Flaw::of("axis", text))
 }
 
+/// The fault of vectors that are to be perpendicular to each other.
+fn not_perpendicular<const D: usize>(vectors: &[[f64; D]; D]) -> Option<&'static str> {
+    // Files have six digits at least.
+    const ALONG: f64 = 1e-5;
+    let units = vectors.map(unit);
+    let are_units = units.iter().flatten().all(|part| part.is_finite());
+    let pairs = (0..D).flat_map(|a| (0..a).map(move |b| (a, b)));
+    let are_across = pairs
+        .into_iter()
+        .all(|(a, b)| dot(units[a], units[b]).abs() <= ALONG);
+    (!(are_units && are_across)).then_some(
+        "directions are finite vectors, perpendicular to each other and none of them zero: in the plane [[0.8, 0.6], [-0.6, 0.8]]",
+    )
+}
+
 /// The stated values, with their names.
 fn values<'q, const D: usize>(
     stated: impl IntoIterator<Item = (&'static str, Option<&'q Quantity<D>>)>,
@@ -301,6 +317,13 @@ pub struct Support<const D: usize = 2> {
     pub(super) y: Option<Quantity<D>>,
     #[serde(default, deserialize_with = "stated::z")]
     pub(super) z: Option<Quantity<D>>,
+    /// Those of x, y and z, perpendicular to each other and of any length; None: the axes.
+    #[serde(
+        default,
+        deserialize_with = "stated::vectors",
+        serialize_with = "stated::entries_of_vectors"
+    )]
+    pub(super) directions: Option<[[f64; D]; D]>,
     pub(super) radial: Option<Quantity<D>>,
     pub(super) hoop: Option<Quantity<D>>,
     #[serde(default, deserialize_with = "stated::axial")]
@@ -422,6 +445,12 @@ impl<const D: usize> Support<D> {
         (0..D).fold(self, |support, axis| support.along(axis, 0.0))
     }
 
+    /// Turns x, y and z: they are along these vectors, which are perpendicular to each other and of any length.
+    pub fn directed(mut self, directions: [[f64; D]; D]) -> Self {
+        self.directions = Some(directions);
+        self
+    }
+
     /// Rotates the held nodes about an axis, by an angle in degrees at the load factor 1; in the plane counter-clockwise.
     /// Displacements along the axes are added. For large displacements.
     pub fn turned(mut self, axis: Axis<D>, angle: f64) -> Self {
@@ -501,6 +530,15 @@ impl<const D: usize> Part for Support<D> {
         if let Some(fault) = target.fault() {
             return Some(fault.into());
         }
+        if let Some(directions) = &self.directions {
+            let fault = match self.components().iter().any(Option::is_some) {
+                false => Some("directions are those of x, y and z: state one of these beside them"),
+                true => not_perpendicular(directions),
+            };
+            if let Some(text) = fault {
+                return Some(Flaw::of("directions", text));
+            }
+        }
         if let Some(flaw) = not_a_switch("active", &self.active) {
             return Some(flaw);
         }
@@ -513,7 +551,7 @@ impl<const D: usize> Part for Support<D> {
             return Some(Flaw::of("lock", text));
         }
         if let Some(turn) = &self.rotate {
-            let alone = (around || self.symmetry).then_some(
+            let alone = (around || self.symmetry || self.directions.is_some()).then_some(
                 "a support that rotates holds all directions: state only displacements along the axes beside rotate",
             );
             let lasting = self.changes().then_some(
@@ -544,6 +582,7 @@ impl<const D: usize> Part for Support<D> {
         let stated = AXES.into_iter().zip(self.components());
         let mut what = values(stated.chain(AROUND.into_iter().zip(self.ways())));
         what.extend(self.axis.map(|axis| format!("about {axis}")));
+        what.extend(self.directions.map(|ways| format!("directions {ways:?}")));
         if self.symmetry {
             what.push("symmetry".to_owned());
         }

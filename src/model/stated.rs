@@ -77,6 +77,33 @@ pub(super) fn entries<S: Serializer, const D: usize>(
     (vector.as_ref()).map(<[f64; D]>::as_slice).serialize(to)
 }
 
+/// A vector for each dimension.
+pub(super) fn vectors<'de, S: Deserializer<'de>, const D: usize>(
+    from: S,
+) -> Result<Option<[[f64; D]; D]>, S::Error> {
+    let vectors = Vec::<Vec<f64>>::deserialize(from)?;
+    let rows = vectors.iter().map(|entries| as_vector(entries));
+    let rows = rows.collect::<Result<Vec<_>, _>>().map_err(meaningless)?;
+    let found = rows.len();
+    let wrong = |_| {
+        let place = called(D);
+        meaningless(format_args!(
+            "expected {D} vectors, found {found}: the mesh is in {place}"
+        ))
+    };
+    rows.try_into().map(Some).map_err(wrong)
+}
+
+pub(super) fn entries_of_vectors<S: Serializer, const D: usize>(
+    vectors: &Option<[[f64; D]; D]>,
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    let rows = vectors
+        .as_ref()
+        .map(|rows| rows.each_ref().map(<[f64; D]>::as_slice));
+    rows.as_ref().map(<[_; D]>::as_slice).serialize(to)
+}
+
 /// Whether an entry equals its default.
 pub(super) fn is_default<T: Default + PartialEq>(entry: &T) -> bool {
     *entry == T::default()

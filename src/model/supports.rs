@@ -85,7 +85,7 @@ impl<const D: usize> Support<D> {
     {
         let unstated = self.rotate.is_some().then_some(zero);
         let stated = (self.components().into_iter().enumerate())
-            .filter_map(|(c, value)| Some((Way::Axis(c), value.or(unstated)?)));
+            .filter_map(|(c, value)| Some((self.way(c), value.or(unstated)?)));
         let stated: Vec<_> = stated.collect();
         let mut nodes = Held::new();
         match self.target() {
@@ -120,6 +120,14 @@ impl<const D: usize> Support<D> {
             }
         }
         Ok(nodes)
+    }
+
+    /// The direction of x, y or z.
+    fn way(&self, component: usize) -> Way<D> {
+        match &self.directions {
+            None => Way::Axis(component),
+            Some(directions) => Way::of(unit(directions[component])),
+        }
     }
 
     /// The components about its axis that it prescribes at x, on a mesh of a size.

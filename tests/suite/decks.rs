@@ -1026,14 +1026,49 @@ fn transforms_turn_forces() {
             assert!(is_there, "{transform}: {number} {u:?}\n{}", written(&deck));
         }
     }
+}
+
+/// Supports along directions of a rectangular transform: the end of the strip is drawn along x, in other words.
+#[test]
+fn rectangular_transforms_turn_supports() {
+    for (transform, support) in [
+        ("0,1,0,-1,0,0\n", "Nright,2,2,-0.4\n"),
+        ("3,4,0,-1,1,0\n", "Nright,1,1,0.24\nNright,2,2,-0.32\n"),
+        // In one step the first direction, in the next one both.
+        (
+            "3,4,0,-1,1,0\n",
+            "Nright,1,1,0.24\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nNright,2,2,-0.32\n",
+        ),
+    ] {
+        let text = strip(&format!(
+            "*TRANSFORM, NSET=Nright\n{transform}{STATIC}*BOUNDARY\n{support}*END STEP\n"
+        ));
+        let deck = read(&text, &[], &[]).or_panic();
+        let u = displacements(&built(&deck)).pop().expect("a step");
+        for (&number, u) in deck.node_numbers.iter().zip(u) {
+            let expected = 0.1 * ((number - 1) % 10) as f64;
+            let is_there = (u[0] - expected).abs() < 1e-9 && u[1].abs() < 1e-9;
+            assert!(is_there, "{support}: {number} {u:?}\n{}", written(&deck));
+        }
+    }
+    // Rollers on a slope: the end moves along (4, -3) only.
     let text = strip(&format!(
-        "*TRANSFORM, NSET=Nright\n1,1,0,-1,1,0\n*BOUNDARY\nNright,1\n{STATIC}*END STEP\n"
+        "*TRANSFORM, NSET=Nright\n3,4,0,-1,1,0\n*BOUNDARY\nNright,1\n{STATIC}*CLOAD\nNright,2,-5.\n*END STEP\n"
     ));
-    let error = read(&text, &[], &[]).expect_err("a support across");
-    assert!(
-        error.contains("those of a cylindrical *TRANSFORM"),
-        "{error}"
-    );
+    let deck = read(&text, &[], &[]).or_panic();
+    let u = displacements(&built(&deck)).remove(0);
+    for (&number, u) in deck.node_numbers.iter().zip(u) {
+        let is_end = number % 10 == 5;
+        assert!(
+            !is_end || u[0] > 0.1 && (3.0 * u[0] + 4.0 * u[1]).abs() < 1e-12,
+            "{u:?}"
+        );
+    }
+    let text = strip(&format!(
+        "*TRANSFORM, NSET=Nright\n1,0,1,0,1,0\n*BOUNDARY\nNright,1\n{STATIC}*END STEP\n"
+    ));
+    let error = read(&text, &[], &[]).expect_err("a direction across the plane");
+    assert!(error.contains("leave the plane"), "{error}");
 }
 
 /// A ring from r = 1 to 2, 1 high, of one element: forces are for the whole ring, pressures per area.

@@ -101,8 +101,10 @@ impl<const D: usize> Translation<'_, '_, D> {
                 }
                 let transform = transforms.get(&node).copied();
                 let axes = transform.and_then(|number| self.said.transforms[number].axes());
-                if kind == Kind::Boundary && axes.is_some() {
-                    let text = "*BOUNDARY: directions must be the axes, or those of a cylindrical *TRANSFORM (TYPE=C)";
+                let leaves = D == 2 && axes.is_some_and(|axes| axes[2][..2] != [0.0; 2]);
+                if kind == Kind::Boundary && leaves {
+                    let text =
+                        "*BOUNDARY: the directions 1 and 2 of its *TRANSFORM leave the plane";
                     if reported.insert(load.line) {
                         self.refuse(load.line, "BOUNDARY", text);
                     }
@@ -294,6 +296,13 @@ impl<const D: usize> Translation<'_, '_, D> {
         let support = Support::at_nodes(set);
         let support = match transform {
             None => components.fold(support, |support, (axis, value)| support.along(axis, value)),
+            Some(transform) if transform.axes().is_some() => {
+                let axes = transform.ways([0.0; 3]);
+                let ways = std::array::from_fn(|c| std::array::from_fn(|g| axes[c][g]));
+                components.fold(support.directed(ways), |support, (axis, value)| {
+                    support.along(axis, value)
+                })
+            }
             Some(transform) => {
                 let [point, end] = transform.points();
                 let direction = (D == 3).then(|| minus(end, point));

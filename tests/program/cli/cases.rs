@@ -63,6 +63,21 @@ fn broken_cases_are_explained_with_their_line() {
         ("x = 0\ny = 0", "", "it holds nothing"),
         (
             "x = 0\ny = 0",
+            "x = 0\ndirections = [[1, 1], [1, 0]]",
+            "directions are finite vectors, perpendicular",
+        ),
+        (
+            "x = 0\ny = 0",
+            "x = 0\ndirections = [[1, 1]]",
+            "expected 2 vectors, found 1",
+        ),
+        (
+            "x = 0\ny = 0",
+            "symmetry = true\ndirections = [[1, 1], [1, -1]]",
+            "state one of these beside them",
+        ),
+        (
+            "x = 0\ny = 0",
             "symmetry = true\nx = 0",
             "symmetry takes a boundary and nothing else",
         ),
