@@ -164,7 +164,7 @@ where
                 size => size,
             },
         };
-        let motions = Motions {
+        let mut motions = Motions {
             places: &mesh.nodes,
             frame,
             // A ring moves along its axis.
@@ -177,23 +177,31 @@ where
             let share = (nodes.len() as f64).recip();
             nodes.iter().map(|&node| (node, share)).collect()
         };
-        let distributing = |motions: &Motions<D>, shares: Vec<(u32, f64)>| {
-            let count = motions.ways.len();
-            let found = Determined::distributing(&shares, motions, Mat::zeros(count, count));
-            (found, shares, true)
-        };
-        let (found, shares, distributes) = match (self.kind, target) {
-            (Kind::Rigid, Some(_)) => {
-                let found = Determined::rigid(&nodes, &motions, self.free);
-                (found, alike(&nodes), false)
-            }
+        let distributes = self.kind == Kind::Distributing || target.is_none();
+        let shares = match (self.kind, target) {
             (Kind::Distributing, Some(Target::Boundary(names))) => {
-                let (shares, _) = area_shares(body, &outer_facets(mesh, names.all())?);
-                distributing(&motions, shares)
+                area_shares(body, &outer_facets(mesh, names.all())?).0
             }
-            (_, Some(target)) => distributing(&motions, alike(&target.uncut_nodes(mesh)?)),
-            (_, None) => distributing(&motions, alike(&nodes)),
+            (Kind::Distributing, Some(target)) => alike(&target.uncut_nodes(mesh)?),
+            _ => alike(&nodes),
         };
+        let determined = |motions: &Motions<D>| match distributes {
+            false => Determined::rigid(&nodes, motions, self.free),
+            true => {
+                let count = motions.ways.len();
+                Determined::distributing(&shares, motions, Mat::zeros(count, count))
+            }
+        };
+        let mut found = determined(&motions);
+        // The nodes may determine a sum of motions alone. One that is held at 0 is no part of it.
+        let is_held = |way: usize| self.motion(way) == Some(0.0);
+        let loose = |found: &Determined<D>, ways: &[usize]| {
+            (0..ways.len()).rfind(|&k| !found.is_known(k) && is_held(ways[k]))
+        };
+        while let Some(k) = loose(&found, &motions.ways) {
+            motions.ways.remove(k);
+            found = determined(&motions);
+        }
         let known: Vec<usize> = (0..motions.ways.len())
             .filter(|&k| found.is_known(k))
             .collect();

@@ -89,6 +89,33 @@ fn a_moment_bends_a_beam_to_an_arc() {
     }
 }
 
+/// Nodes of a line that follow a point beside it in y alone determine its displacement if its rotation is held: as with the point on
+/// the line.
+#[test]
+fn a_held_rotation_is_no_part_of_a_sum() {
+    let along = |x: f64| Coupling::on("right", [x, 0.5]).free([true, false]);
+    let stated: [fn(Coupling) -> Coupling; 3] = [
+        |coupling| coupling.force([0.0, 1e4]),
+        |coupling| coupling.moved(1, 1e-3),
+        |coupling| coupling.moved(1, 0.0),
+    ];
+    for stated in stated {
+        for path in PATHS {
+            let solved = |coupling: Coupling| {
+                let model = beam().traction(Traction::on("right").y(1e3));
+                answer(model.coupling(stated(coupling)), 1e-9, path)
+            };
+            let [beside, on] = [solved(along(10.0).turned(2, 0.0)), solved(along(8.0))];
+            let [own, expected] = [&beside, &on].map(|found| coupling(found).motion);
+            let (own, expected) = (own[1].expect("known"), expected[1].expect("known"));
+            assert!((own - expected).abs() < 1e-8, "{own} {expected}");
+            for (a, b) in beside.displacement().into_iter().zip(on.displacement()) {
+                assert!(apart(&a, &b) < 1e-8, "{a:?} {b:?}");
+            }
+        }
+    }
+}
+
 /// A round-ended bar in space turned about its axis by its end: a square shaft of hexahedra of second order, whose ends warp alike if
 /// they are free to (distributing), so that Saint-Venant's torsion holds: M = G J θ/l with J = 0.1406 a⁴.
 #[test]
