@@ -77,6 +77,8 @@ where
     /// The deviation of facets from the curved surfaces (not arcs about one axis) that they approximate, if an overlap is
     /// pressed apart and the deviation exceeds a tenth of it.
     pub sagitta: Option<f64>,
+    /// By how far nodes are from those of the other side of their sector, after the turn, where it goes on beyond such sides.
+    pub unmatched: Option<f64>,
     /// Contact places.
     pub places: usize,
     /// Those within the search distance.
@@ -125,6 +127,7 @@ where
             alike: false,
             arcs: None,
             sagitta: None,
+            unmatched: None,
             places: 0,
             within: 0,
             kept: 0,
@@ -225,6 +228,20 @@ where
                 units.long(overlap)
             )
         })
+    }
+}
+
+impl<const D: usize> PairData<D>
+where
+    ElementKind: Topology<D>,
+{
+    /// A warning, in words, about sides of sectors whose meshes do not match.
+    pub fn unmatched_text(&self, units: &Units) -> Option<String> {
+        let off = units.long(self.unmatched?);
+        Some(format!(
+            "it goes on beyond the sides of sectors, whose nodes there differ by up to {off} after the turn: its forces may be off by some \
+             hundredths; mesh both sides of a sector alike, or draw the sectors of both bodies between the same half-planes"
+        ))
     }
 }
 
@@ -331,21 +348,23 @@ impl<const D: usize> Sliding<D>
 where
     ElementKind: Space<D>,
 {
-    /// Whether the places of a tie go on beyond sides of sectors that do not match.
-    fn ends_apart(&self, sides: [&[Facet<D>]; 2], places: &[ContactPlace<D>]) -> bool {
+    /// Where places go on beyond sides of sectors that do not match: how far these are off.
+    fn off_beyond(&self, sides: [&[Facet<D>]; 2], places: &[ContactPlace<D>]) -> Option<f64> {
         /// Rounding, or sides that differ a little.
         const LITTLE: f64 = 1e-2;
-        let is_apart = |facets: &[Facet<D>]| {
-            let bodies = bodies_of(&self.body_of, facets);
-            let mut rings = self.rings.iter();
-            rings.any(|ring| !bodies.is_disjoint(&ring.unmatched))
-        };
+        let bodies = sides.map(|facets| bodies_of(&self.body_of, facets));
+        let of_rings = self.rings.iter().flat_map(|ring| &ring.unmatched);
+        let of_sides = of_rings.filter(|(body, _)| bodies.iter().any(|of| of.contains(body)));
+        let off = of_sides.map(|(_, off)| *off).reduce(f64::max)?;
         let beyond = |place: &ContactPlace<D>| -> f64 {
             let all = place.sides(0).into_iter().flatten();
             let images = all.filter(|entry| place.is_image(entry.0));
             images.map(|entry| entry.1.abs()).fold(0.0, f64::max)
         };
-        sides.into_iter().any(is_apart) && places.iter().any(|place| beyond(place) > LITTLE)
+        places
+            .iter()
+            .any(|place| beyond(place) > LITTLE)
+            .then_some(off)
     }
 }
 
@@ -608,7 +627,7 @@ where
             true => EntityKind::Tie,
             false => EntityKind::Contact,
         };
-        let data = PairData {
+        let mut data = PairData {
             facets,
             others,
             walls: behind,
@@ -647,7 +666,8 @@ where
             }
             error => Fault::Contact(error),
         })?;
-        if self.is_tie() && sliding.ends_apart([&data.facets, &data.others], &found) {
+        data.unmatched = sliding.off_beyond([&data.facets, &data.others], &found);
+        if self.is_tie() && data.unmatched.is_some() {
             return Err(Fault::Stated(
                 "it goes on beyond the sides of sectors whose meshes do not match there, which would be tied too firmly: mesh both sides of a \
                  sector alike where they meet the tie, or draw the sectors of both bodies between the same half-planes"

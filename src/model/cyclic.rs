@@ -22,7 +22,7 @@ use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, nodes_of_facets};
 use serde::{Deserialize, Serialize};
 use std::array::from_fn;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -51,8 +51,9 @@ pub(super) struct Repeated<const D: usize> {
     pub sectors: Arc<Sectors<D>>,
     /// Those at the sides of the sector.
     pub bodies: HashSet<u32>,
-    /// Those whose sides do not match where they have contacts.
-    pub unmatched: HashSet<u32>,
+    /// Those whose sides do not match where they have contacts, with the largest distance of a node from the nearest one there, after
+    /// the turn.
+    pub unmatched: HashMap<u32, f64>,
 }
 
 /// A node of the high side of a sector, that of the low side which the turn takes to it, and the turn.
@@ -216,7 +217,7 @@ where
                     axis: self.axis,
                     sectors: Arc::new(self.sectors(mesh)?),
                     bodies: HashSet::new(),
-                    unmatched: HashSet::new(),
+                    unmatched: HashMap::new(),
                 });
                 repeated.len() - 1
             }
@@ -227,18 +228,22 @@ where
             .extend(sides.0.iter().flat_map(|side| bodies_of(body_of, side)));
         // Where some do not match, all places are halves.
         let (matched, unmatched) = self.seams(mesh, sides, nodes, body_of, seams);
-        let is_whole = |one: &Matched<D>| !unmatched.contains(&body_of[one.0 as usize]);
+        let is_whole = |one: &Matched<D>| !unmatched.contains_key(&body_of[one.0 as usize]);
         let joined = Arc::make_mut(&mut ring.sectors);
         for (high, low, turn) in matched.into_iter().filter(is_whole) {
             joined.join(high, low, &turn);
         }
-        ring.unmatched.extend(unmatched);
+        for (body, off) in unmatched {
+            let most = ring.unmatched.entry(body).or_default();
+            *most = most.max(off);
+        }
         Ok(())
     }
 
     /// Adds, for those of some nodes that are on its sides, where the body goes on beyond them: at the two nearest of these nodes of the
     /// same body at the other side, after the turn, or on one where that is there. A node on the axis is on all sides of itself. Returns
-    /// the nodes of the high side that are where turned ones of the low side are, with these and the turn, and the bodies that have others.
+    /// the nodes of the high side that are where turned ones of the low side are, with these and the turn, and the bodies that have others, with the
+    /// largest distance of one of these from the nearest.
     fn seams(
         &self,
         mesh: &Mesh<D>,
@@ -246,7 +251,7 @@ where
         nodes: &HashSet<u32>,
         body_of: &[u32],
         seams: &mut Seams<D>,
-    ) -> (Vec<Matched<D>>, HashSet<u32>) {
+    ) -> (Vec<Matched<D>>, HashMap<u32, f64>) {
         /// The distance at which two nodes count as one, in the largest facet.
         const ONE: f64 = 1e-6;
         let sizes = sides.each_ref().map(|facets| largest_facet(mesh, facets));
@@ -268,7 +273,7 @@ where
             (&on_sides[0], &on_sides[1], angle),
             (&on_sides[1], &on_sides[0], -angle),
         ];
-        let (mut matched, mut unmatched) = (Vec::new(), HashSet::new());
+        let (mut matched, mut unmatched) = (Vec::new(), HashMap::<u32, f64>::new());
         for (here, there, angle) in ways {
             for &node in here {
                 let x = self.axis.turned(mesh.nodes[node as usize], angle);
@@ -285,7 +290,8 @@ where
                         }
                     }
                     _ => {
-                        unmatched.insert(body_of[node as usize]);
+                        let most = unmatched.entry(body_of[node as usize]).or_default();
+                        *most = most.max(near.first().map_or(size, |nearest| nearest.0));
                     }
                 }
                 let beyond = match near[..] {

@@ -276,6 +276,7 @@ where
             pair.alike_text(),
             pair.arcs_text(units),
             pair.sagitta_text(units),
+            pair.unmatched_text(units),
         ];
         let texts = texts.into_iter().flatten();
         hints.extend(texts.map(|text| format!("{name}: {text}")));
