@@ -234,6 +234,12 @@ where
             contact.area += elastic.contact.places[i].area;
         }
     }
+    for (data, contact) in elastic.pairs.iter().zip(&mut contacts) {
+        // Their forces act at points.
+        if matches!(data.kind, EntityKind::Spring | EntityKind::Equation) {
+            (contact.area, contact.max_pressure) = (0.0, 0.0);
+        }
+    }
     if D == 3 {
         for (contact, friction) in contacts.iter_mut().zip(friction) {
             contact.tangential_force = length(friction);

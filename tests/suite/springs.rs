@@ -8,6 +8,7 @@ use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::model::{AnyAnalysis, Force, Model, Spring, Support, Traction};
+use signorini::output::ContactReport;
 use signorini::ssnm::Status;
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
@@ -62,6 +63,8 @@ fn a_body_hangs_on_springs_alone() {
             assert_eq!(report.contacts[1].name.as_deref(), Some("stay"));
             assert!(report.contacts[0].friction.starts_with("spring along"));
             assert!(report.contacts[0].force[0] == 0.0);
+            let of_points = |one: &ContactReport| one.area == 0.0 && one.max_pressure == 0.0;
+            assert!(report.contacts.iter().all(of_points));
         }
     }
 }
