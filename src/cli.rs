@@ -333,10 +333,14 @@ enum GeometryArgument {
     TwoBody,
 }
 
-/// Runs the program with these arguments, its own name first; returns its exit code. Wrong usage ends the process.
+/// Runs the program with these arguments, its own name first; returns its exit code.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     hear_file_limits();
-    let outcome = match Cli::parse_from(arguments).command {
+    let command = match Cli::try_parse_from(arguments) {
+        Ok(read) => read.command,
+        Err(error) => return told_first(&error),
+    };
+    let outcome = match command {
         Command::Solve(arguments) => on_ranks(&arguments),
         Command::Check {
             case,
@@ -405,6 +409,24 @@ fn started() -> Result<Started, String> {
         0 => Err(why),
         _ => Ok(ERROR),
     }))
+}
+
+/// Prints help, or that the usage is wrong, in the first of several processes; the exit code.
+fn told_first(error: &clap::Error) -> u8 {
+    let told = || drop(error.print());
+    match started() {
+        #[cfg(feature = "mpi")]
+        Ok(Started::Together(world)) => {
+            if world.group().rank() == 0 {
+                told();
+            }
+            // Launchers end all ranks as soon as one ends with an error.
+            world.group().wait();
+        }
+        Ok(Started::Apart(Ok(_))) => {}
+        Ok(_) | Err(_) => told(),
+    }
+    error.exit_code() as u8
 }
 
 /// Solves in this process, or on all ranks where a launcher has started several.

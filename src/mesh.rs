@@ -570,7 +570,16 @@ where
                 None => of_region.push((element.kind(), 1)),
             }
         }
+        let (count, body_of) = self.bodies();
+        let mut bodies = vec![String::new(); count];
+        for element in &self.elements {
+            let name = &mut bodies[body_of[element.nodes()[0] as usize] as usize];
+            if name.is_empty() {
+                name.clone_from(&self.regions[element.region as usize]);
+            }
+        }
         Census {
+            bodies,
             notes: self.notes.clone(),
             kinds,
             size: vector::length(vector::minus(high, low)),
@@ -591,6 +600,8 @@ pub(crate) struct Census {
     pub notes: Vec<String>,
     /// The kinds of elements in each region, with their numbers.
     pub kinds: Vec<Vec<(ElementKind, usize)>>,
+    /// The region of the first element of each body.
+    pub bodies: Vec<String>,
     /// The diagonal of the box around it.
     pub size: f64,
 }

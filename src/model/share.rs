@@ -139,6 +139,8 @@ pub(crate) struct Part {
     pub ties: Vec<u32>,
     /// Own nodes on both sides of each contact between bodies.
     pub pair_nodes: Vec<Vec<u32>>,
+    /// The body of each own node.
+    pub body_of: Vec<u32>,
 }
 
 /// The graph of the nodes of a mesh: for each node the others of its elements, one after the other, and its work. The
@@ -268,6 +270,8 @@ where
     first_block: Vec<u32>,
     /// The connected part of K of each node that has a block.
     part: Vec<u32>,
+    /// The body of each node.
+    body_of: Vec<u32>,
     ties: Vec<u32>,
     /// Prescribed components in the order of the nodes, and their values step by step.
     held: Vec<(u32, usize)>,
@@ -398,6 +402,7 @@ where
             block,
             first_block,
             part,
+            body_of: mesh.bodies().1,
             ties,
             held,
             values,
@@ -544,6 +549,10 @@ where
         part.ties = ties
             .filter(|&tie| is_own(elastic.unknowns.node(tie / D)))
             .filter_map(own_unknown)
+            .collect();
+        part.body_of = own
+            .iter()
+            .map(|&node| self.body_of[node as usize])
             .collect();
         part.pair_nodes = (elastic.pairs.iter())
             .map(|pair| {

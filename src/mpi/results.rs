@@ -8,7 +8,7 @@ use crate::mesh::vector::{length, minus};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::StepData;
 use crate::output::files::{write, write_index, write_pieces, write_report, write_vectors};
-use crate::output::hints;
+use crate::output::hints::{self, Moved};
 use crate::output::report::Balance;
 use crate::output::rubbing::Rubbing;
 use crate::output::{
@@ -32,9 +32,9 @@ pub enum ResultsError {
     /// A file could not be written by this rank.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// Another rank could not write a file, and has the error.
-    #[error("another rank could not write its results")]
-    Elsewhere,
+    /// Another rank could not write a file, and has the error; rank 0 has its message.
+    #[error("another rank could not write its results{0}")]
+    Elsewhere(String),
     /// PETSc has failed, perhaps only on this rank: end all of them.
     #[error(transparent)]
     Petsc(#[from] PetscError),
@@ -148,11 +148,11 @@ where
             (Some(bodies), Some(data)) => {
                 let mut of = self.fields(&bodies, data, solution)?;
                 self.rubbing.add(&mut of, solution);
-                let apart = self.apart(&bodies, &of);
+                let moved = self.moved(&bodies, &of);
                 let balance = self.balance(&of, solution);
                 let contradiction = hints::contradiction(&problem, solution);
                 if self.group.rank() == 0 {
-                    let contacts = self.report.contacts(&of, solution, &apart);
+                    let contacts = self.report.contacts(&of, solution, &moved);
                     let load = Some((data.factor, data.total_load.to_vec()));
                     let name = |body: usize| bodies.received.common.bodies[body].name.clone();
                     self.report.push(solution, load, contacts, balance, name);
@@ -224,9 +224,11 @@ where
         })
     }
 
-    /// The largest relative motion of the sides of each contact between bodies.
-    fn apart(&self, bodies: &Bodies<D>, of: &OfBodies<D>) -> Vec<f64> {
-        let moved = |nodes: &Vec<u32>| {
+    /// How bodies and the sides of contacts between them have moved.
+    fn moved(&self, bodies: &Bodies<D>, of: &OfBodies<D>) -> Moved {
+        let part = &bodies.received.part;
+        let count = bodies.received.common.census.bodies.len();
+        let apart = |nodes: &Vec<u32>| {
             let here = nodes
                 .iter()
                 .map(|&node| of.fields.displacement[node as usize]);
@@ -237,7 +239,10 @@ where
             );
             length(minus(high, low))
         };
-        bodies.received.part.pair_nodes.iter().map(moved).collect()
+        Moved {
+            apart: part.pair_nodes.iter().map(apart).collect(),
+            turned: hints::turned(of, count, &part.body_of, |all| self.group.sum(all)),
+        }
     }
 
     /// The forces on the supports and the energy, over all ranks.
@@ -375,9 +380,17 @@ where
 
 /// The files of a rank, unless any rank could not write.
 fn agreed<T>(group: &Group, made: Result<T, OutputError>) -> Result<T, ResultsError> {
-    match (group.any(made.is_err()), made) {
-        (_, Err(error)) => Err(error.into()),
-        (true, Ok(_)) => Err(ResultsError::Elsewhere),
-        (false, Ok(made)) => Ok(made),
+    if !group.any(made.is_err()) {
+        return Ok(made?);
+    }
+    let own = (made.as_ref().err()).map_or(String::new(), |error| format!(": {error}"));
+    let mut told = own.clone();
+    match group.rank() {
+        0 => told.extend((1..group.size()).map(|rank| group.receive::<String>(rank))),
+        _ => group.send(0, &own),
+    }
+    match made {
+        Err(error) => Err(error.into()),
+        Ok(_) => Err(ResultsError::Elsewhere(told)),
     }
 }

@@ -18,8 +18,8 @@ pub struct StepFields<const D: usize = 2> {
     pub at_nodes: Vec<Stress>,
     /// Stresses in the middle of the elements.
     pub in_elements: Vec<Stress>,
-    /// The sliding distance and the work of friction per area at every node since the first step, or nothing.
-    pub(super) rubbed: Vec<[f64; 2]>,
+    /// The sliding distance and the work of friction per area at every node since the first step, if there has been friction.
+    pub(super) rubbed: Option<Vec<[f64; 2]>>,
 }
 
 impl<const D: usize> StepFields<D>
@@ -41,7 +41,7 @@ where
             displacement,
             at_nodes,
             in_elements,
-            rubbed: Vec::new(),
+            rubbed: None,
         }
     }
 }

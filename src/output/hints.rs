@@ -4,7 +4,7 @@ use super::{ContactReport, NodeStatus, OfBodies};
 use crate::contact::Space;
 use crate::dense::pseudo_inverse;
 use crate::elasticity::{Hyperelastic, Plane};
-use crate::mesh::vector::{cross, dot, length, minus};
+use crate::mesh::vector::{cross, length, minus};
 use crate::mesh::{Census, ElementKind, facet_nodes};
 use crate::model::{Driven, Elastic, PairData};
 use crate::problem::ContactProblem;
@@ -98,65 +98,95 @@ where
     })
 }
 
-/// The bodies that have turned by a large angle.
-fn turned<const D: usize>(of: &OfBodies<D>) -> impl Iterator<Item = String>
+/// How bodies and the sides of contacts have moved, of all ranks.
+pub(crate) struct Moved {
+    /// By how much the sides of each contact have moved against each other.
+    pub apart: Vec<f64>,
+    /// The tangent of the angle by which each body has turned.
+    pub turned: Vec<f64>,
+}
+
+impl Moved {
+    /// In one process.
+    pub fn of<const D: usize>(of: &OfBodies<D>) -> Self
+    where
+        ElementKind: Space<D>,
+    {
+        let (count, body_of) = of.elastic.mesh.bodies();
+        Self {
+            apart: apart(of),
+            turned: turned(of, count, &body_of, |_| ()),
+        }
+    }
+}
+
+/// The tangent of the angle by which each body has turned, from the nodes whose bodies are known; `sum` adds up over ranks.
+pub(crate) fn turned<const D: usize>(
+    of: &OfBodies<D>,
+    count: usize,
+    body_of: &[u32],
+    sum: impl Fn(&mut [f64]),
+) -> Vec<f64>
 where
     ElementKind: Space<D>,
 {
-    let mesh = &of.elastic.mesh;
-    let (count, part) = mesh.bodies();
-    let three = |v: &[f64; D]| std::array::from_fn::<_, 3, _>(|c| v.get(c).copied().unwrap_or(0.0));
-    let mut nodes: Vec<Vec<usize>> = vec![Vec::new(); count];
-    for (node, &body) in part.iter().enumerate() {
-        nodes[body as usize].push(node);
-    }
     // A body of revolution cannot rotate; only its cross-section can, with a hoop strain visible elsewhere.
     let is_round = D == 2 && of.elastic.plane == Plane::Axisymmetric;
-    nodes.retain(|_| !is_round);
-    let of_body = move |nodes: Vec<usize>| {
-        let first = *nodes.first()?;
-        let each = |at: &dyn Fn(usize) -> [f64; 3]| {
-            let count = nodes.len() as f64;
-            let mean = nodes.iter().fold([0.0; 3], |sum, &node| {
-                let x = at(node);
-                std::array::from_fn(|c| sum[c] + x[c] / count)
-            });
-            nodes
-                .iter()
-                .map(|&node| minus(at(node), mean))
-                .collect::<Vec<_>>()
-        };
-        let arms = each(&|node| three(&mesh.nodes[node]));
-        let moved = each(&|node| three(&of.fields.displacement[node]));
-        // Least squares of u − ω × x: (Σ |x|² − x xᵀ) ω = Σ x × u.
-        let (mut square, mut right) = (Mat::<f64>::zeros(3, 3), [0.0; 3]);
-        for (x, u) in arms.iter().zip(&moved) {
-            for i in 0..3 {
-                for j in 0..3 {
-                    let own = if i == j { dot(*x, *x) } else { 0.0 };
-                    square[(i, j)] += own - x[i] * x[j];
-                }
-            }
-            let turn = cross(*x, *u);
-            (0..3).for_each(|c| right[c] += turn[c]);
+    if of.elastic.is_large() || is_round {
+        return Vec::new();
+    }
+    let three = |v: &[f64; D]| std::array::from_fn::<_, 3, _>(|c| v.get(c).copied().unwrap_or(0.0));
+    let places = of.elastic.mesh.nodes.iter().zip(&of.fields.displacement);
+    let nodes = || {
+        let all = body_of.iter().zip(places.clone());
+        all.map(|(&body, (x, u))| (body as usize, three(x), three(u)))
+    };
+    // Of each body the number of nodes, and the sums of x and u.
+    let mut means = vec![[0.0; 7]; count];
+    for (body, x, u) in nodes() {
+        let sums = std::iter::once(&1.0).chain(&x).chain(&u);
+        (means[body].iter_mut().zip(sums)).for_each(|(mean, v)| *mean += v);
+    }
+    sum(means.as_flattened_mut());
+    // Σ x xᵀ and Σ x × u, from the mean.
+    let mut products = vec![[0.0; 12]; count];
+    for (body, x, u) in nodes() {
+        let [number, mean @ ..] = means[body];
+        let [x, u] = [(x, 0), (u, 3)]
+            .map(|(v, first)| std::array::from_fn::<_, 3, _>(|c| v[c] - mean[first + c] / number));
+        let turn = cross(x, u);
+        for i in 0..3 {
+            (0..3).for_each(|j| products[body][3 * i + j] += x[i] * x[j]);
+            products[body][9 + i] += turn[i];
         }
+    }
+    sum(products.as_flattened_mut());
+    // Least squares of u − ω × x: (Σ |x|² − x xᵀ) ω = Σ x × u.
+    let angle = |products: &[f64; 12]| {
+        let trace = products[0] + products[4] + products[8];
+        let square = Mat::from_fn(3, 3, |i, j| {
+            f64::from(u8::from(i == j)) * trace - products[3 * i + j]
+        });
         let inverse = pseudo_inverse(&square, DEPENDENT);
-        let turn: [f64; 3] =
-            std::array::from_fn(|i| (0..3).map(|j| inverse[(i, j)] * right[j]).sum());
-        let grown = length(turn).hypot(1.0) - 1.0;
+        let along = |i: usize| (0..3).map(|j| inverse[(i, j)] * products[9 + j]).sum();
+        length::<3>(std::array::from_fn(along))
+    };
+    products.iter().map(angle).collect()
+}
+
+/// The bodies that have turned by a large angle.
+fn turned_far<'t>(census: &'t Census, turned: &'t [f64]) -> impl Iterator<Item = String> + use<'t> {
+    (census.bodies.iter().zip(turned)).filter_map(|(name, turn)| {
+        let grown = turn.hypot(1.0) - 1.0;
         (grown > TURNED).then(|| {
-            let node = first as u32;
-            let region = mesh.elements.iter().find(|e| e.nodes().contains(&node));
-            let name = region.map_or("", |e| &mesh.regions[e.region as usize]);
             format!(
                 "the body with region \"{name}\" has turned by {:.0}°: rotations are assumed small, and lengths that \
                  turn so far appear to grow by {:.0} %; check its supports and the load",
-                length(turn).atan().to_degrees(),
+                turn.atan().to_degrees(),
                 100.0 * grown
             )
         })
-    };
-    nodes.into_iter().filter_map(of_body)
+    })
 }
 
 /// Regions that ask for incompatible modes and have no elements that may have them.
@@ -195,7 +225,7 @@ where
 }
 
 /// The largest relative motion of the sides of each contact between bodies; moving together does not bring them closer.
-pub(super) fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
+fn apart<const D: usize>(of: &OfBodies<D>) -> Vec<f64>
 where
     ElementKind: Space<D>,
 {
@@ -209,13 +239,13 @@ where
     of.elastic.pairs.iter().map(moved).collect()
 }
 
-/// Those of the mesh and of materials, then in the order of the contacts, whose sides have moved against each other by `apart`.
+/// Those of the mesh and of materials, then in the order of the contacts, which have `moved`.
 /// (One function: a paragraph for each hint.)
 pub(super) fn hints<const D: usize>(
     of: &OfBodies<D>,
     census: &Census,
     contacts: &[ContactReport],
-    apart: &[f64],
+    moved: &Moved,
 ) -> Vec<String>
 where
     ElementKind: Space<D>,
@@ -226,11 +256,7 @@ where
     hints.extend(without_modes(elastic, census));
     hints.extend(without_law(elastic));
     hints.extend(held_sections(of, contacts));
-    // A rank does not see how far whole bodies have turned.
-    let all: usize = census.kinds.iter().flatten().map(|(_, count)| count).sum();
-    if !elastic.is_large() && elastic.mesh.elements.len() == all {
-        hints.extend(turned(of));
-    }
+    hints.extend(turned_far(census, &moved.turned));
     let units = &elastic.units;
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     let pairs = elastic.pairs.iter().zip(contacts).enumerate();
@@ -304,7 +330,7 @@ where
                 }
             }
             None => {
-                let apart = apart[number];
+                let apart = moved.apart[number];
                 if apart > pair.search_distance && !elastic.is_large() {
                     hints.push(format!(
                         "{name}: its sides move by up to {} against each other, more than the search distance {}: \

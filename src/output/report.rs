@@ -1,8 +1,9 @@
 //! The content of `report.json`.
 
 use super::energy::{Before, EnergyReport, energy};
+use super::hints::{self, Moved};
 use super::reactions::{ContactReport, SupportReport, contact_reports, support_reports};
-use super::{OfBodies, StepResults, hints, peak_memory_mib};
+use super::{OfBodies, StepResults, peak_memory_mib};
 use crate::backend::Precision;
 use crate::contact::Space;
 use crate::control::Costs;
@@ -310,7 +311,7 @@ impl Report {
         let of_bodies = results.of_bodies.as_ref();
         let (contacts, balance) = match of_bodies {
             Some(of) => (
-                self.contacts(of, solution, &hints::apart(of)),
+                self.contacts(of, solution, &Moved::of(of)),
                 self.balance(of, solution, of.elastic.mesh.nodes.len()),
             ),
             None => Default::default(),
@@ -327,18 +328,18 @@ impl Report {
         }
     }
 
-    /// The forces of the contacts of a step, and hints on them; their sides have moved against each other by up to `apart`.
+    /// The forces of the contacts of a step, and hints on them; they have `moved`.
     pub(crate) fn contacts<const D: usize>(
         &mut self,
         of: &OfBodies<D>,
         solution: &StepSolution<D>,
-        apart: &[f64],
+        moved: &Moved,
     ) -> Vec<ContactReport>
     where
         ElementKind: Space<D>,
     {
         let contacts = contact_reports(of, solution, &self.slip);
-        self.hints = hints::hints(of, &self.census, &contacts, apart);
+        self.hints = hints::hints(of, &self.census, &contacts, moved);
         self.slip.clone_from(&of.contact.slip);
         contacts
     }

@@ -33,7 +33,7 @@ where
             displacement: self.fields.displacement.clone(),
             at_nodes: self.fields.at_nodes.clone(),
             in_elements: self.fields.in_elements[..elements].to_vec(),
-            rubbed: self.fields.rubbed.repeat(sectors as usize),
+            rubbed: (self.fields.rubbed.as_ref()).map(|rubbed| rubbed.repeat(sectors as usize)),
         };
         let mut frames = self.contact.frames.clone();
         let places = &self.elastic.contact.places;

@@ -258,8 +258,8 @@ where
             .into_iter()
             .enumerate()
         {
-            if !fields.rubbed.is_empty() {
-                at_nodes.floats(name, fields.rubbed.len(), |i| [fields.rubbed[i][k]]);
+            if let Some(rubbed) = &fields.rubbed {
+                at_nodes.floats(name, rubbed.len(), |i| [rubbed[i][k]]);
             }
         }
         if !contact.worn.is_empty() {

@@ -385,6 +385,56 @@ boundary = "wheel-back"
 y = -5e5
 "#;
 
+/// An eighth of a shaft that is pressed into a hub and turned in it: that of the hub begins elsewhere, so that both meet beyond the
+/// sides of the other.
+const FIT: &str = r#"
+title = "sectors of a fit"
+[[mesh.part]]
+name = "shaft"
+[mesh.part.box]
+size = [1, 1, 0.3]
+cells = [3, 6, 2]
+map = ["(0.4 + 0.6 * x) * cos(pi / 4 * y)", "(0.4 + 0.6 * x) * sin(pi / 4 * y)", "z"]
+[[mesh.part]]
+name = "hub"
+[mesh.part.box]
+size = [1, 1, 0.3]
+cells = [3, 8, 2]
+map = ["(1 + 0.6 * x) * cos(pi / 4 * (y + 0.4))", "(1 + 0.6 * x) * sin(pi / 4 * (y + 0.4))", "z"]
+[[material]]
+young = 1e9
+poisson = 0.3
+[[support]]
+boundary = "shaft-left"
+x = 0
+y = 0
+z = 0
+[[support]]
+boundary = "hub-right"
+radial = 0
+hoop = 0.004
+axial = 0
+axis = { point = [0, 0, 0], direction = [0, 0, 1] }
+factors = [0, 1]
+[[contact]]
+boundary = "shaft-right"
+against = "hub-left"
+interference = 0.01
+friction = { coulomb = 0.1 }
+[[cyclic]]
+low = "shaft-front"
+high = "shaft-back"
+axis = { point = [0, 0, 0], direction = [0, 0, 1] }
+sectors = 8
+[[cyclic]]
+low = "hub-front"
+high = "hub-back"
+axis = { point = [0, 0, 0], direction = [0, 0, 1] }
+sectors = 8
+[steps]
+factors = [1, 1]
+"#;
+
 /// Two blocks of quadrilaterals, one above the other, with sets of nodes.
 fn blocks() -> String {
     let (mut nodes, mut elements) = ("*NODE\n".to_owned(), String::new());
@@ -439,7 +489,7 @@ fn blocks() -> String {
 pub fn kinds() {
     let place = tempfile::tempdir().expect("a directory");
     for text in [
-        TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT, WHEEL,
+        TIED, WARM, NODAL, WAVE, PADS, ROUND, NODES, BED, BOLT, WHEEL, FIT,
     ] {
         compare(&case(text, place.path()), &[2, 3, 4]);
     }

@@ -262,10 +262,25 @@ fn ranks_without_unknowns() {
     let case = place.path().join("tiny.toml");
     std::fs::write(&case, TINY).expect("a case");
     let direct = solved(None, &case, &["--stiffness", "cholesky"], place.path());
+    let alone = std::fs::read(place.path().join("solution.vtu")).expect("a file");
     let shared = solved(Some(4), &case, &[], place.path());
+    std::fs::write(place.path().join("solution.vtu"), alone).expect("a file");
     assert!(numbers(&shared.report["ranks"]["unknowns"]).contains(&0.0));
     for (a, b) in shared.forces().iter().zip(direct.forces()) {
         assert!((a - b).abs() < 10.0, "{a} {b}");
+    }
+    // Each piece has the arrays of the whole file, or it cannot be shown.
+    let arrays = |file: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(place.path().join(file)).expect("a file");
+        let names = text.split("Name=\"").skip(1);
+        names
+            .map(|rest| rest.split('"').next().unwrap_or_default().to_owned())
+            .collect()
+    };
+    let whole = arrays("solution.vtu");
+    assert!(whole.iter().any(|name| name == "sliding_distance"));
+    for rank in 0..4 {
+        assert_eq!(arrays(&format!("solution-p{rank}.vtu")), whole, "{rank}");
     }
 }
 
@@ -391,6 +406,21 @@ fn faults() {
         "{said}"
     );
     told(TINY, &["--output", "/dev/null/out"], "cannot write");
+    // Wrong usage, too.
+    let run = mpirun(3, signorini("solve").arg("--nosuch"));
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(2), "{said}");
+    assert_eq!(said.matches("error: ").count(), 1, "{said}");
+    // A piece that cannot be written: the report names it.
+    let out = place.path().join("out");
+    std::fs::create_dir_all(out.join("solution-p1.vtu/full")).expect("a directory");
+    std::fs::write(&case, TINY).expect("a case");
+    let run = mpirun(2, signorini("solve").arg(&case).arg("--output").arg(&out));
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{said}");
+    let report = report(&out).report;
+    let told = report["error"].as_str().unwrap_or_default();
+    assert!(told.contains("solution-p1.vtu"), "{report}");
     // A panic of one rank ends all of them.
     let run = mpirun(3, rows::command("panic"));
     let said = String::from_utf8_lossy(&run.stderr);
@@ -405,6 +435,17 @@ fn not_held() {
         .replace("-1e6", "1e6")
         .replace("[[support]]\nboundary = \"left\"\nx = 0\ny = 0\n", "");
     let stiff = tiny.replace("poisson = 0.3", "poisson = 0.49");
+    // Pushed over, as if rotations were small.
+    let soft = tiny
+        .replace("1e9", "1e6")
+        .replace("left", "bottom")
+        .replace("y = -1e6", "x = 6e5");
+    let soft = soft.split("[[contact]]").next().expect("a text").to_owned()
+        + "[[contact]]
+boundary = \"right\"
+obstacle = { half_plane = { point = [3, 0], normal = [-1, 0] } }
+friction = { coulomb = 0.3 }
+";
     let told = |text: &str, more: &[&str], ranks: Option<usize>| {
         let place = tempfile::tempdir().expect("a directory");
         let case = place.path().join("case.toml");
@@ -422,6 +463,7 @@ fn not_held() {
     for (text, more) in [
         (lifted.as_str(), &[][..]),
         (&stiff, &["--set", "mesh.rectangle.shape=\"triangle\""]),
+        (&soft, &[]),
     ] {
         let (code, alone) = told(text, more, None);
         for ranks in [2, 3, 4] {
@@ -438,7 +480,9 @@ fn not_held() {
         };
         assert_eq!(alone["status"], expected);
         assert!(
-            text == lifted || alone["hints"].to_string().contains("far too stiff"),
+            text == lifted
+                || alone["hints"].to_string().contains("far too stiff")
+                || text == soft && alone["hints"].to_string().contains("has turned by"),
             "{alone}"
         );
     }

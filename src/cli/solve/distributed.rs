@@ -245,7 +245,7 @@ impl Run<'_> {
         match error {
             ResultsError::Petsc(error) => self.group.abort(&error.to_string(), ERROR.into()),
             // The rank with the error reports it.
-            ResultsError::Elsewhere => Ok(ERROR),
+            ResultsError::Elsewhere(_) => Ok(ERROR),
             error => Err(message_of(&error)),
         }
     }
