@@ -262,6 +262,14 @@ impl<const D: usize> Body<'_, D>
 where
     ElementKind: Topology<D>,
 {
+    /// The largest Poisson's ratio of its materials; 0 in plane stress, where bodies may change their volume.
+    pub(crate) fn poisson(&self) -> f64 {
+        match self.plane {
+            Plane::PlaneStress => 0.0,
+            _ => (self.materials.iter()).fold(0.0, |most, material| material.poisson.max(most)),
+        }
+    }
+
     /// The thickness of a region.
     fn thickness_of(&self, region: u32) -> f64 {
         let own = self.materials[region as usize].thickness;

@@ -9,7 +9,7 @@ use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Correction, Costs, Stop};
 use crate::dual::{Change, DirectDual, DualError, DualOperator, NestedDual, plan};
 use crate::memory;
-use crate::problem::{ContactProblem, LoadCase};
+use crate::problem::{ContactProblem, LoadCase, System};
 use crate::sparse::Csr;
 use crate::ssnm::RecycledSubspace;
 use crate::stiffness::cholesky::FactorError;
@@ -146,11 +146,34 @@ const ITERATIVE_THREADS: f64 = 8.0;
 /// rows are longer (16 and 64 on average with all middle nodes), and an iteration takes as many times more.
 const LONG_ROW: f64 = 9.0;
 const LONG_ROW_IN_SPACE: f64 = 27.0;
+/// Poisson's ratio of those problems.
+const ORDINARY_POISSON: f64 = 0.3;
+/// PCG is called slow from this multiple of their iterations on: ν = 0.49 has 4.5 times as many.
+const SLOW: f64 = 4.0;
 /// The factor is taken up to this multiple of the time that PCG is predicted to take. Its own time is certain, while
 /// that of PCG grows on meshes with stretched elements or hard inclusions.
 const PREFERRED: f64 = 2.0;
 /// Predictions below this many seconds are not logged.
 const WORTH_A_WORD: f64 = 1.0;
+
+/// By how many times iterations of PCG grow near ν = 0.5. They grow in proportion to (1 − 2ν)^−½ (docs/multigrid.md).
+fn growth_of_iterations(poisson: f64) -> f64 {
+    let compressible = (1.0 - 2.0 * poisson).max(f64::EPSILON);
+    ((1.0 - 2.0 * ORDINARY_POISSON) / compressible)
+        .sqrt()
+        .max(1.0)
+}
+
+/// What PCG costs on a problem with nearly incompressible bodies; None on others.
+pub(crate) fn slowness<const D: usize>(problem: &System<D>) -> Option<String> {
+    let poisson = problem.poisson();
+    let growth = growth_of_iterations(poisson);
+    (growth > SLOW).then(|| {
+        format!(
+            "ν = {poisson}: conjugate gradients take about {growth:.0} times as many iterations as with ν = {ORDINARY_POISSON}"
+        )
+    })
+}
 
 enum Path {
     Cholesky(Box<DirectDual>),
@@ -548,6 +571,9 @@ fn chosen<const D: usize>(
     } else if !matches!(path, Path::Cholesky(_)) && problem.coordinates().is_none() {
         log("without coordinates multigrid does not know the rotations, and needs more iterations");
     }
+    if !matches!(path, Path::Cholesky(_)) {
+        slowness(problem).iter().for_each(|text| log(text));
+    }
     Ok(path)
 }
 
@@ -617,7 +643,8 @@ fn direct<const D: usize>(
         };
         let row = problem.stiffness().n_blocks() as f64 / problem.stiffness().n_block_rows() as f64;
         let long = (row / if D == 3 { LONG_ROW_IN_SPACE } else { LONG_ROW }).max(1.0);
-        let iterative = unknown * n * long / threads;
+        let slow = growth_of_iterations(problem.poisson());
+        let iterative = unknown * n * long * slow / threads;
         let (choice, taken) = if factor > PREFERRED * iterative {
             ("PCG", None)
         } else {
@@ -629,6 +656,10 @@ fn direct<const D: usize>(
                  using {choice}",
                 gib(bytes)
             ));
+        }
+        // PCG says so itself.
+        if taken.is_some() && factor > PREFERRED * iterative / slow {
+            slowness(problem).iter().for_each(|text| log(text));
         }
         taken
             .map(|plan| DirectDual::with_plan(problem, plan).map(Box::new))
@@ -949,5 +980,28 @@ mod tests {
         };
         assert_eq!(takes_the_factor(8), (5832, true));
         assert_eq!(takes_the_factor(16), (41_616, false));
+    }
+
+    /// Unless ν makes PCG slow, and there is memory.
+    #[test]
+    fn nearly_incompressible_bodies_take_the_factor_for_longer() {
+        let problem = (CASE_C.problem(16, SolidShape::Hexahedron)).expect("valid");
+        let choice = |poisson, memory| {
+            let mut lines = Vec::new();
+            let problem = problem.clone().with_poisson(poisson);
+            let dual = direct(&problem, memory, 2, &mut |line| lines.push(line.to_owned()));
+            (dual.expect("K is definite").is_some(), lines.join("\n"))
+        };
+        let (made, why) = choice(0.4999, None);
+        assert!(made && why.contains("about 45 times as many"), "{why}");
+        let needed = factor_bytes(&problem).expect("K is definite");
+        let (made, why) = choice(0.4999, Some(2 * needed - 2));
+        assert!(!made && why.contains("more than half"), "{why}");
+        // 11 iterations with ν = 0.3 and 50, 155, 494 in a block.
+        for (poisson, measured) in [(0.49, 50.0), (0.499, 155.0), (0.4999, 494.0)] {
+            let predicted = 11.0 * growth_of_iterations(poisson);
+            assert!((predicted / measured - 1.0_f64).abs() < 0.5);
+        }
+        assert!(slowness(&problem).is_none());
     }
 }

@@ -338,6 +338,12 @@ impl<const D: usize, K> ContactProblem<D, K> {
         self
     }
 
+    /// Sets the largest Poisson's ratio, from which [`Stiffness::Auto`](crate::engine::Stiffness::Auto) predicts iterations.
+    pub(crate) fn with_poisson(mut self, poisson: f64) -> Self {
+        Arc::make_mut(&mut self.system).poisson = poisson;
+        self
+    }
+
     /// Sets the number of free unknowns, where some rows of K only hold a prescribed component.
     pub(crate) fn with_free_unknowns(mut self, n_free: usize) -> Self {
         let system = Arc::make_mut(&mut self.system);

@@ -281,7 +281,8 @@ where
 {
     let (stiffness, load) = assemble(body, unknowns, forces);
     let points = (unknowns.coordinates(body.mesh), vertices(body, unknowns));
-    problem_of(stiffness, load, acting(forces), points, unknowns, contact)
+    let problem = problem_of(stiffness, load, acting(forces), points, unknowns, contact)?;
+    Ok(problem.with_poisson(body.poisson()))
 }
 
 /// The contact problem with this K and f, the positions of its unknowns, and the dependence of second-order nodes on their corners.

@@ -569,7 +569,8 @@ where
             })
             .collect();
         let points = (places_now, deformed.vertices(&to.unknowns));
-        let problem = problem_of(stiffness, net, force, points, &to.unknowns, &contact)?;
+        let problem = problem_of(stiffness, net, force, points, &to.unknowns, &contact)?
+            .with_poisson(self.body().poisson());
         let all: f64 = resistance.forces.iter().map(|f| length(*f)).sum();
         // The work of the forces over their sum: the motion of a load of as many.
         let deformation = if all > 0.0 {

@@ -9,7 +9,7 @@ use super::rubbing::Rubbing;
 use super::{ContactFields, EnginePath, OutputError, Report, StepFields};
 use crate::contact::Space;
 use crate::dual::DualOperator as _;
-use crate::engine::Engine;
+use crate::engine::{Engine, slowness};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Analysis, Elastic, StepData};
 use crate::quasistatic::StepSolution;
@@ -247,6 +247,11 @@ where
         if self.report.status == Some(Status::Converged) {
             // The cost of the whole solve in linear solves; after an interrupt nobody waits for it.
             path.v_cycles_linear = engine.linear_iterations(1e-8).ok().flatten();
+        }
+        if path.stiffness == "pcg"
+            && let Some(text) = slowness(self.analysis.problem)
+        {
+            (self.report.hints).push(format!("{text}: with memory for it, --stiffness cholesky"));
         }
         self.report.set_path(path);
     }

@@ -61,6 +61,7 @@ impl<const D: usize> ContactProblem<D, Elsewhere> {
             tangential,
             coordinates: share.coordinates,
             vertices: None,
+            poisson: 0.0,
             is_rigid: false,
             ranks: ranks.clone(),
         };

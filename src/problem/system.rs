@@ -25,6 +25,8 @@ pub struct System<const D: usize = 2> {
     pub(super) coordinates: Option<Vec<[f64; D]>>,
     /// The corners of elements of second order.
     pub(super) vertices: Option<Arc<Vertices<D>>>,
+    /// The largest Poisson's ratio of bodies that resist a change of volume, 0 if unknown.
+    pub(super) poisson: f64,
     /// The areas that turn nodal forces into pressures, length m.
     pub(super) areas: Vec<f64>,
     pub(super) floating: FloatingBodies<D>,
@@ -79,6 +81,7 @@ impl<const D: usize> System<D> {
             tangential: Csr::from_triplets(0, 0, []),
             coordinates: data.coordinates.clone(),
             vertices: None,
+            poisson: 0.0,
         }
         .with_rows(data.normal.clone(), data.tangential.clone())
     }
@@ -106,6 +109,11 @@ impl<const D: usize> System<D> {
     /// The corners of elements of second order, if there are any.
     pub fn vertices(&self) -> Option<&Arc<Vertices<D>>> {
         self.vertices.as_ref()
+    }
+
+    /// The largest Poisson's ratio of bodies that resist a change of volume, 0 if unknown.
+    pub(crate) fn poisson(&self) -> f64 {
+        self.poisson
     }
 
     /// Whether W is given in place of K.
