@@ -9,9 +9,8 @@ use super::{
 };
 use crate::problem::Vertices;
 use crate::ranks::{Halo, Ranks};
+use crate::sparse::BlockCsr;
 use crate::sparse::stored::{BlockMatrix, Real, store};
-use crate::sparse::{BlockCsr, ROWS_PER_TASK};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Safety factor on the estimate of λ_max(D⁻¹A), which comes from below and was found up to 10 % short. The smoother of
@@ -26,12 +25,6 @@ const FREE_LIMIT: f64 = 1e-13;
 /// Aggregates of few nodes a rank are small, because they end at its rim: with 88 nodes on each of 8 ranks PCG took 17 iterations
 /// instead of 11. With this limit it takes as many on 16 ranks as on one, and PETSc gets small matrices, whose set-up is slow.
 const LEAST_NODES_PER_RANK: u64 = 200;
-/// A middle node of an element is far from its corners if it has a neighbour closer by this factor: on uniform elements of all kinds
-/// none is. On cells of aspect ratio 3 with 27 nodes PCG takes 31 iterations by the corners, 16 from the nodes.
-const STRETCHED: f64 = 3.0;
-/// Aggregation begins at the nodes of second-order elements, not at their corners, where more than this part of the middles is far.
-/// It is 0 to 0.06 up to an aspect ratio of 2, where the corners are good, and 0.19 to 0.85 where they are not.
-const PART_OF_MIDDLES: f64 = 0.1;
 /// Degree of the smoother on a coarsest level that is too large for an inverse.
 const COARSE_DEGREE: usize = 16;
 /// Its α.
@@ -102,12 +95,6 @@ impl Skeleton {
         let halo = others.map_or(&alone, |others| others.nodes);
         let n = D * halo.all() as usize;
         let vertices = vertices.filter(|_| n > self.settings.dense_limit);
-        // The structure stays as it was found, wherever the nodes have moved.
-        let vertices = match (self.shapes.is_empty(), coordinates) {
-            (true, Some(points)) => vertices.filter(|v| !is_stretched(k, points, v, halo.ranks())),
-            (true, None) => vertices,
-            (false, _) => vertices.filter(|_| self.corners.is_some()),
-        };
         let corners = vertices.map(|vertices| vertices.prolongation.n_block_cols());
         if !self.shapes.is_empty() && corners != self.corners {
             return Err(AmgError::OtherCorners);
@@ -278,41 +265,6 @@ impl Shape {
             }),
         }
     }
-}
-
-/// Whether elements of second order are too long and flat for their corners to be the next level: many middles have neighbours much
-/// closer than the corners around them. Errors there are smooth along the close neighbours, and any from corner to corner.
-fn is_stretched<const D: usize>(
-    k: &BlockCsr<D>,
-    points: &[[f64; D]],
-    vertices: &Vertices<D>,
-    ranks: &Ranks,
-) -> bool {
-    let least = |node: usize, others: &[[f64; D]], columns: &[u32]| {
-        let squares = (columns.iter().filter(|&&j| (j as usize) < others.len()))
-            .map(|&j| squared_distance(&points[node], &others[j as usize]));
-        squares
-            .filter(|&square| square > 0.0)
-            .fold(f64::INFINITY, f64::min)
-    };
-    // Middles, and those far from their corners. Corners follow themselves alone, and copies of other ranks do not count.
-    let [middles, far] = (0..points.len())
-        .into_par_iter()
-        .with_min_len(ROWS_PER_TASK)
-        .map(|node| {
-            let corners = least(node, &vertices.points, vertices.prolongation.row(node).0);
-            let nearest = least(node, points, k.row(node).0);
-            let is_far = corners > STRETCHED * STRETCHED * nearest;
-            [corners < f64::INFINITY, corners < f64::INFINITY && is_far].map(usize::from)
-        })
-        .reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-    let mut sums = [middles as f64, far as f64];
-    ranks.sum(&mut sums);
-    sums[1] > PART_OF_MIDDLES * sums[0]
-}
-
-fn squared_distance<const D: usize>(x: &[f64; D], y: &[f64; D]) -> f64 {
-    (0..D).map(|c| (x[c] - y[c]).powi(2)).sum()
 }
 
 /// The levels of the corners and all below them, then that of K, in the form of [`coarsen`].
