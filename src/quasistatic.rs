@@ -551,7 +551,7 @@ fn settle<const D: usize>(
     solution: &Solution<D>,
 ) -> Vec<f64> {
     let m = problem.m();
-    let Solution { u, lambda, .. } = solution;
+    let u = &solution.u;
     let b = problem.filled_columns();
     let mut missing = problem.load_case().offsets();
     let moved = problem.times(problem.contact_matrix(), u);
@@ -560,7 +560,7 @@ fn settle<const D: usize>(
     let is_exact: Vec<bool> = (0..D * m)
         .map(|row| {
             let i = node_of::<D>(m, row);
-            let acts = problem.is_tied(i) || lambda[i] > 0.0;
+            let acts = problem.is_tied(i) || !solution.sets.is_separated(i);
             let holds = row < m || !solution.sets.slips(i) && problem.has_friction(i);
             acts && holds && compliance.get(row).is_none_or(|&c| c == 0.0)
         })

@@ -110,6 +110,7 @@ class Model:
         x: Quantity | None = None,
         y: Quantity | None = None,
         z: Quantity | None = None,
+        directions: Sequence[Sequence[float]] | None = None,
         radial: Quantity | None = None,
         hoop: Quantity | None = None,
         axial: Quantity | None = None,
@@ -121,12 +122,14 @@ class Model:
         **more: Any,
     ) -> Model:
         """Prescribe displacements in m on boundaries, on sets of `nodes`, or at the node nearest to a `point`; omitted
-        directions are free. `active` is 1 for each load step, or 0 where the nodes are free; `lock` is 1 where they stay where the step
-        before has left them, and 0 in the first step."""
-        along = {"x": x, "y": y, "z": z, "radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
+        directions are free. `directions` are those of x, y (and z), perpendicular to each other, in place of the axes. `active` is 1
+        for each load step, or 0 where the nodes are free; `lock` is 1 where they stay where the step before has left them, and 0 in
+        the first step."""
+        along = {"x": x, "y": y, "z": z, "directions": directions}
+        around = {"radial": radial, "hoop": hoop, "axial": axial, "axis": axis}
         where = {"boundary": boundary, "nodes": nodes, "point": point}
         by_step = {"factors": factors, "active": active, "lock": lock}
-        return self.add("support", **where, **along, symmetry=symmetry, **by_step, **more)
+        return self.add("support", **where, **along, **around, symmetry=symmetry, **by_step, **more)
 
     def foundation(
         self,

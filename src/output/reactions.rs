@@ -287,9 +287,24 @@ where
             contact.moment.fill(0.0);
         }
         contact.motion[component] = Some(moved);
-        match component.checked_sub(D) {
-            None => contact.force[component] = force,
-            Some(about) => contact.moment[about] = force,
+        let mut along = |component: usize, force: f64| match component.checked_sub(D) {
+            None => contact.force[component] += force,
+            Some(about) => contact.moment[about] += force,
+        };
+        along(component, force);
+        // Nodes that determine a sum of motions alone bear forces along those that are held at 0, too.
+        let (mut sum, mut turning) = (vec![0.0; D], moment(elastic.plane, [0.0; D], [0.0; D]));
+        for (node, way) in elastic.contact.places[driven.row].further.iter().flatten() {
+            let here = way.map(|v| v * force / size);
+            let arm = minus(elastic.mesh.nodes[*node as usize], place.place);
+            add(&mut sum, &here);
+            add(&mut turning, &moment(elastic.plane, arm, here));
+        }
+        for (other, part) in sum.into_iter().chain(turning).enumerate() {
+            let is_driven = data.drives.iter().any(|drive| drive.component == other);
+            if !is_driven && elastic.plane != Plane::Axisymmetric {
+                along(other, part);
+            }
         }
     }
     // The multiplier of an equation is the force along no direction.

@@ -2,8 +2,8 @@
 
 use crate::common::models::{answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
-use crate::common::solved::built;
-use crate::common::{Solved, case, solve_case_twice};
+use crate::common::solved::{built, solve_case};
+use crate::common::{Solved, case, distance, solve_case_twice};
 use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
@@ -253,6 +253,48 @@ fn friction_is_never_dropped_in_silence() {
     for (first, second) in [("die-top", "punch-bottom"), ("punch-bottom", "die-top")] {
         let [x, y] = resultant(&run(&text(first, second)));
         assert!((x / y + 0.3).abs() < 1e-3, "{first}: {x} {y}");
+    }
+}
+
+/// Obstacles that a body does not reach change nothing in a load step that repeats the loads, whatever rounding leaves of their
+/// forces.
+#[test]
+fn open_obstacles_move_nothing_in_a_step_without_change() {
+    let of = |cells: &str, top: f64, plane: &str, laws: [&str; 2], second: &str| {
+        format!(
+            "[mesh.rectangle]\nsize = [2, 0.5]\n{cells}\n{ROCK}[steps]\nfactors = [1, 1]\n\
+             [[traction]]\nboundary = \"top\"\ny = {top}\n{}\
+             [[contact]]\n{second}\nobstacle = {{ half_plane = {{ {plane} }} }}\nfriction = {{ {} }}\n",
+            on_floor(
+                "\"bottom\"",
+                0.0,
+                &format!("friction = {{ {} }}\n", laws[0])
+            ),
+            laws[1],
+        )
+    };
+    let ramp = "point = [-2.5970247875046132e-5, -9.656886778516492e-5], normal = [0.2597024787504613, 0.9656886778516491]";
+    let cases = [
+        of(
+            "cells = [1, 1]\nshape = \"triangle\"",
+            -1704957.186444236,
+            ramp,
+            ["coulomb = 0.7", "coulomb = 0.2"],
+            "boundary = \"bottom\"",
+        ),
+        of(
+            "cells = [1, 3]",
+            -1419514.5170390438,
+            "point = [-0.001, 0], normal = [1, 0]",
+            ["tresca = 1e5", "tresca = 1e4"],
+            "boundary = \"left\"",
+        ),
+    ];
+    for text in cases {
+        let solved = solve_case(&text, 1e-9);
+        let [first, second] = [&solved.steps[0].u, &solved.steps[1].u];
+        let off = distance(second, first);
+        assert!(off < 1e-6, "{off}: {text}");
     }
 }
 

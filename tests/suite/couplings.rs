@@ -109,6 +109,10 @@ fn a_held_rotation_is_no_part_of_a_sum() {
             let [own, expected] = [&beside, &on].map(|found| coupling(found).motion);
             let (own, expected) = (own[1].expect("known"), expected[1].expect("known"));
             assert!((own - expected).abs() < 1e-8, "{own} {expected}");
+            // Forces act on the nodes, two lengths beside the point.
+            let (own, expected) = (coupling(&beside), coupling(&on));
+            assert!(apart(&own.force, &expected.force) < 1e-6 * 1e4);
+            assert!((own.moment[0] + 2.0 * own.force[1]).abs() < 1e-6 * 1e4);
             for (a, b) in beside.displacement().into_iter().zip(on.displacement()) {
                 assert!(apart(&a, &b) < 1e-8, "{a:?} {b:?}");
             }
