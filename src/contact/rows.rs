@@ -17,7 +17,7 @@ type Entry = (usize, f64);
 /// The contribution of a prescribed displacement to a row: node, component, factor.
 type Held = (u32, usize, f64);
 
-/// The cosine of the angle between normals of obstacles above which they count as one.
+/// The cosine of the angle between directions in which supports hold nodes above which they count as one.
 const SAME_WAY: f64 = 1.0 - 1e-9;
 
 /// If supports leave less than this part of a sliding free, it counts as none.

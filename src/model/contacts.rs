@@ -229,12 +229,7 @@ where
             )
         })
     }
-}
 
-impl<const D: usize> PairData<D>
-where
-    ElementKind: Topology<D>,
-{
     /// A warning, in words, about sides of sectors whose meshes do not match.
     pub fn unmatched_text(&self, units: &Units) -> Option<String> {
         let off = units.long(self.unmatched?);

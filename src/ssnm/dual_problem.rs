@@ -26,7 +26,7 @@ pub(super) struct DualProblem<'a, const D: usize> {
     pub balanced: Option<FaceBalance<D>>,
     /// The λ of err⁰: 0, or the least forces that balance the bodies.
     pub least: Vec<f64>,
-    /// The part of the load that no λ ∈ Λ can balance, and the motion that this drives; empty if there is none.
+    /// The part of the load that no λ ∈ Λ can balance, and the motion that this drives; both are empty if Λ balances all of it.
     pub imbalance: Vec<f64>,
     pub mechanism: Vec<f64>,
     /// c.

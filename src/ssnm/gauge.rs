@@ -9,7 +9,7 @@ use crate::rounding::ROUNDING;
 use crate::sparse::norm;
 use std::array::from_fn;
 
-/// ρ, by σ_max, and the sizes of displacements, as far as they are known.
+/// Measures points by ρ = β/σ_max and by the sizes of displacements that products have shown so far.
 pub(super) struct Gauge<'a, const D: usize> {
     pub dual: &'a DualProblem<'a, D>,
     /// σ_max: from Lanczos before the algorithms as printed, otherwise from the products so far.
