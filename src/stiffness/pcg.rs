@@ -229,24 +229,6 @@ fn on_backend<B: Backend>(
     Ok((Multigrid::new(backend, hierarchy)?, table, fast))
 }
 
-/// K on a backend with its factor, and the vectors and scalars of CG.
-type Placed<B> = (
-    Arc<dyn SquareBlocks>,
-    <B as Backend>::Matrix,
-    f64,
-    [<B as Backend>::Vector; 4],
-    <B as Backend>::State,
-);
-
-fn placed<B: Backend>(backend: &mut B, k: Arc<dyn SquareBlocks>) -> Result<Placed<B>, PcgError> {
-    let n = k.n_rows();
-    let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
-    let mut vector = || backend.vector(n);
-    let vectors = [vector()?, vector()?, vector()?, vector()?];
-    let state = backend.state(&matrix, &vectors[0])?;
-    Ok((k, matrix, scale, vectors, state))
-}
-
 impl<B: Backend> Pcg<B> {
     /// Moves K to the backend and sets up the preconditioner; `coordinates` has a point per node
     /// (without, multigrid has no rotations to work with and needs more iterations).
@@ -261,54 +243,58 @@ impl<B: Backend> Pcg<B> {
 
     /// Like [`Pcg::new`], for elements of second order with these corners, if there are any.
     pub fn of_second_order<const D: usize>(
-        mut backend: B,
+        backend: B,
         k: &Arc<BlockCsr<D>>,
         coordinates: Option<&[[f64; D]]>,
         vertices: Option<&Vertices<D>>,
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
-        let points = flat(coordinates);
-        // Indispensable data come first: multigrid takes the rest.
-        let placed = placed(&mut backend, Arc::clone(k) as _)?;
-        let mut fallback = None;
-        if preconditioner == Preconditioner::Multigrid {
-            let made =
-                Hierarchy::of_second_order(k, coordinates, vertices, &AmgSettings::of_dimension(D))
+        let make = |backend: &mut B| {
+            let mut fallback = None;
+            if preconditioner == Preconditioner::Multigrid {
+                let settings = AmgSettings::of_dimension(D);
+                let made = Hierarchy::of_second_order(k, coordinates, vertices, &settings)
                     .map_err(PcgError::from)
-                    .and_then(|hierarchy| on_backend(&mut backend, hierarchy));
-            match made {
-                Ok(made) => return Ok(Self::assemble(backend, placed, made, None, points)),
-                Err(
-                    error @ (PcgError::Hierarchy(AmgError::TooLarge)
-                    | PcgError::Backend(BackendError::TooLarge { .. })),
-                ) => fallback = Some(error.to_string()),
-                Err(error) => return Err(error),
+                    .and_then(|hierarchy| on_backend(backend, hierarchy));
+                match made {
+                    Err(
+                        error @ (PcgError::Hierarchy(AmgError::TooLarge)
+                        | PcgError::Backend(BackendError::TooLarge { .. })),
+                    ) => fallback = Some(error.to_string()),
+                    made => return Ok((made?, None)),
+                }
             }
-        }
-        let made = on_backend(&mut backend, Hierarchy::block_jacobi(k)?)?;
-        Ok(Self::assemble(backend, placed, made, fallback, points))
+            Ok((on_backend(backend, Hierarchy::block_jacobi(k)?)?, fallback))
+        };
+        Self::set_up(backend, Arc::clone(k) as _, flat(coordinates), make)
     }
 
     /// As [`Pcg::new`], with a hierarchy made before.
     pub fn with_hierarchy(
-        mut backend: B,
+        backend: B,
         k: Arc<dyn SquareBlocks>,
         hierarchy: Hierarchy<B::Stored>,
     ) -> Result<Self, PcgError> {
-        let placed = placed(&mut backend, k)?;
-        let made = on_backend(&mut backend, hierarchy)?;
-        Ok(Self::assemble(backend, placed, made, None, Vec::new()))
+        Self::set_up(backend, k, Vec::new(), |backend| {
+            Ok((on_backend(backend, hierarchy)?, None))
+        })
     }
 
-    fn assemble(
-        backend: B,
-        (k, matrix, scale, [x, r, p, q], state): Placed<B>,
-        (preconditioner, hierarchy, fast): Made<B>,
-        fallback: Option<String>,
+    /// With a preconditioner, and the reason if it is not the requested one.
+    fn set_up(
+        mut backend: B,
+        k: Arc<dyn SquareBlocks>,
         points: Vec<f64>,
-    ) -> Self {
+        make: impl FnOnce(&mut B) -> Result<(Made<B>, Option<String>), PcgError>,
+    ) -> Result<Self, PcgError> {
+        // Indispensable data come first: multigrid takes the rest.
+        let (matrix, scale) = backend.matrix(Arc::clone(&k))?;
+        let mut vector = || backend.vector(k.n_rows());
+        let [x, r, p, q] = [vector()?, vector()?, vector()?, vector()?];
+        let state = backend.state(&matrix, &x)?;
+        let ((preconditioner, hierarchy, fast), fallback) = make(&mut backend)?;
         let falls = Falls::new(fast, hierarchy.is_some());
-        Self {
+        Ok(Self {
             backend,
             k,
             matrix,
@@ -332,7 +318,7 @@ impl<B: Backend> Pcg<B> {
                 set_ups: 1,
                 ..SolveCounts::default()
             },
-        }
+        })
     }
 
     /// Takes another K of the same pattern: the preconditioner keeps its structure, which may be worse if K has changed much.
