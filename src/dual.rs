@@ -13,11 +13,12 @@ pub use nested::NestedDual;
 
 use crate::control::{Accuracy, Correction, Costs, Stop, Stopped};
 use crate::dense::{symmetric_eigen, tridiagonal_largest};
-use crate::problem::{ContactProblem, Kkt, LoadCase};
+use crate::problem::{ContactProblem, Kkt};
 use crate::sparse::{Csr, dot, norm};
 use crate::stiffness::cholesky::FactorError;
 use crate::stiffness::pcg::PcgError;
 use faer::Mat;
+use std::sync::Arc;
 
 /// The K of another problem beside the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,11 +66,69 @@ impl From<PcgError> for DualError {
     }
 }
 
+/// A request for u = K⁺(f − Bᵀλ), or for B u. Where bodies can move as a whole, λ has to balance them.
+#[derive(Clone, Copy, Debug)]
+pub struct Request<'a> {
+    /// f, with an entry per row of K. Requests for the same f share it.
+    pub force: &'a Arc<Vec<f64>>,
+    /// λ, with an entry per row of B.
+    pub lambda: &'a [f64],
+    /// If this is not 0, λ has changed since the last request by exactly this times the p of the last product, and a u
+    /// that is kept makes use of that product.
+    pub along: f64,
+    /// A residual is absolute here: ‖f − Bᵀλ − Ku‖.
+    pub accuracy: Accuracy,
+    /// When to stop.
+    pub stop: &'a Stop<'a>,
+}
+
+impl<'a> Request<'a> {
+    /// A request that knows nothing about the last λ.
+    pub fn new(
+        force: &'a Arc<Vec<f64>>,
+        lambda: &'a [f64],
+        accuracy: Accuracy,
+        stop: &'a Stop<'a>,
+    ) -> Self {
+        Self {
+            force,
+            lambda,
+            along: 0.0,
+            accuracy,
+            stop,
+        }
+    }
+
+    /// f − Bᵀλ.
+    pub fn forces(&self, b: &Csr) -> Vec<f64> {
+        let mut forces = self.force.to_vec();
+        b.mul_transpose_add(-1.0, self.lambda, &mut forces);
+        forces
+    }
+
+    /// The residual that u may have; 0 where only the energy of its error is limited.
+    pub(crate) fn residual(&self) -> f64 {
+        match self.accuracy {
+            Accuracy::Residual(residual) => residual,
+            Accuracy::Energy { .. } => 0.0,
+        }
+    }
+}
+
+/// Replaces the last f; returns whether it has changed.
+pub(crate) fn take_force(force: &Arc<Vec<f64>>, last: &mut Arc<Vec<f64>>) -> bool {
+    if Arc::ptr_eq(last, force) {
+        return false;
+    }
+    let before = std::mem::replace(last, Arc::clone(force));
+    before != *force
+}
+
 /// The linear algebra that the semi-smooth Newton method needs.
 ///
 /// The Cholesky path and the nested path on any backend implement it, as can any other way to apply K⁻¹; the algorithms are
 /// written once over it. Iterations for K⁻¹ stop at the requested accuracy, and end with [`DualError::Stopped`] once `stop`
-/// says so.
+/// says so. Whoever asks adds the offsets c and the compliance of contact.
 ///
 /// # Example
 /// A K whose inverse is only a closure: a chain of springs between two walls with a known inverse. Its third and sixth
@@ -77,8 +136,8 @@ impl From<PcgError> for DualError {
 ///
 /// ```
 /// use signorini::control::{Accuracy, Stop};
-/// use signorini::dual::{DualError, DualOperator};
-/// use signorini::problem::{ContactData, ContactProblem, LoadCase};
+/// use signorini::dual::{DualError, DualOperator, Request};
+/// use signorini::problem::{ContactData, ContactProblem};
 /// use signorini::sparse::{BlockCsr, Csr};
 /// use signorini::ssnm::{self, NewtonSettings, Status};
 /// use std::ops::ControlFlow;
@@ -88,36 +147,21 @@ impl From<PcgError> for DualError {
 ///     inverse: K,
 /// }
 ///
-/// impl<K: Fn(&[f64]) -> Vec<f64>> Chain<K> {
-///     /// B K⁻¹ f.
-///     fn seen(&self, f: &[f64], y: &mut [f64]) {
-///         self.b.mul(&(self.inverse)(f), y);
-///     }
-/// }
-///
 /// impl<K: Fn(&[f64]) -> Vec<f64>> DualOperator for Chain<K> {
 ///     fn size(&self) -> (usize, usize) {
 ///         (self.b.n_cols(), self.b.n_rows())
 ///     }
+///     fn restrict(&self, u: &[f64], y: &mut [f64]) {
+///         self.b.mul(u, y);
+///     }
 ///     fn apply(&mut self, p: &[f64], y: &mut [f64], _: Accuracy, _: &Stop) -> Result<(), DualError> {
 ///         let mut f = vec![0.0; self.b.n_cols()];
 ///         self.b.mul_transpose_add(1.0, p, &mut f);
-///         self.seen(&f, y);
+///         self.restrict(&(self.inverse)(&f), y);
 ///         Ok(())
 ///     }
-///     fn right_hand_side(
-///         &mut self, load: &LoadCase, b: &mut [f64], _: Accuracy, _: &Stop,
-///     ) -> Result<(), DualError> {
-///         self.seen(load.force(), b);
-///         b.iter_mut().zip(load.offsets()).for_each(|(b, c)| *b -= c);
-///         Ok(())
-///     }
-///     fn displacement(
-///         &mut self, load: &LoadCase, lambda: &[f64], _: f64, _: &Stop,
-///     ) -> Result<Vec<f64>, DualError> {
-///         let mut f = load.force().to_vec();
-///         self.b.mul_transpose_add(-1.0, lambda, &mut f);
-///         Ok((self.inverse)(&f))
+///     fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+///         Ok((self.inverse)(&request.forces(&self.b)))
 ///     }
 ///     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
 ///         let product = |x: &[f64], off: f64| {
@@ -165,39 +209,22 @@ pub trait DualOperator {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError>;
-    /// b = B K⁺ f − c of this load case.
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError>;
-    /// r = Aλ − b = c − B u with u = K⁺(f − Bᵀλ), where u is kept and its error is lowered from call to call. Where
-    /// bodies can move as a whole, λ has to balance them. If `along` is not 0, λ has changed since by exactly `along`
-    /// times the p of the last product, and u makes use of that product.
-    ///
-    /// None, without a result, where products are exact and r can be updated.
-    fn gradient(
-        &mut self,
-        _load: &LoadCase,
-        _lambda: &[f64],
-        _r: &mut [f64],
-        _along: f64,
-        _accuracy: Accuracy,
-        _stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        Ok(None)
-    }
-    /// u = K⁺(f − Bᵀλ) with ‖f − Bᵀλ − Ku‖ ≤ `residual`, or as close as rounding allows; if `residual` is infinite, the
+    /// y = B u for any u.
+    fn restrict(&self, u: &[f64], y: &mut [f64]);
+    /// u = K⁺(f − Bᵀλ) as accurate as requested, or as close as rounding allows; if the residual may be infinite, the
     /// present u.
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError>;
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError>;
+    /// y = B u with u = K⁺(f − Bᵀλ): r = Aλ − b is c − y. Iterations keep u, and lower its error from call to call.
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        let u = self.displacement(request)?;
+        self.restrict(&u, y);
+        Ok(Correction::default())
+    }
+    /// Whether products are exact, so that r can be updated with them. Otherwise it is made from [`Self::at_contact`] after
+    /// each step.
+    fn is_exact(&self) -> bool {
+        true
+    }
     /// K u, and |K| s with the absolute values of the entries of K: the rounding scale of K u where u is known to s. The
     /// final check measures forces by it.
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError>;
@@ -211,7 +238,7 @@ pub trait DualOperator {
     fn matrix(&self) -> Option<Csr> {
         None
     }
-    /// Refines u from here on to the accuracy that f64 allows, and computes r from it, if K is badly conditioned and u
+    /// Refines u from here on to the accuracy that f64 allows, so that r is made from it, if K is badly conditioned and u
     /// is not refined yet. False if there is nothing to gain.
     fn refine(&mut self) -> bool {
         false
@@ -220,20 +247,6 @@ pub trait DualOperator {
     fn costs(&self) -> Option<Costs> {
         None
     }
-}
-
-/// b = −r at λ = 0, for an operator whose u follows λ.
-pub(crate) fn followed_right_hand_side(
-    dual: &mut impl DualOperator,
-    load: &LoadCase,
-    b: &mut [f64],
-    accuracy: Accuracy,
-    stop: &Stop,
-) -> Result<(), DualError> {
-    let zero = vec![0.0; b.len()];
-    dual.gradient(load, &zero, b, 0.0, accuracy, stop)?;
-    b.iter_mut().for_each(|b| *b = -*b);
-    Ok(())
 }
 
 /// The optimality conditions (1)–(3) of a problem at (u, λ) against the K of its operator.
@@ -256,10 +269,9 @@ pub(crate) fn conditions<const D: usize, K>(
 /// Where bodies can move as a whole, the estimates are those of A on the directions that leave them in balance;
 /// `project` takes a vector there.
 pub(crate) fn spectrum(
-    dual: &mut dyn DualOperator,
+    mut apply: impl FnMut(&[f64], Accuracy) -> Result<Vec<f64>, DualError>,
     len: usize,
     project: impl Fn(&mut [f64]),
-    stop: &Stop,
 ) -> Result<Spectrum, DualError> {
     const MAX_STEPS: usize = 30;
     const SETTLED: f64 = 1e-3;
@@ -272,7 +284,6 @@ pub(crate) fn spectrum(
     project(&mut q);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alpha, mut beta) = (Vec::new(), Vec::new());
-    let mut w = vec![0.0; len];
     let mut ritz = 0.0;
     for step in 1..=MAX_STEPS.min(len) {
         let length = norm(&q);
@@ -280,10 +291,10 @@ pub(crate) fn spectrum(
             break;
         }
         q.iter_mut().for_each(|v| *v /= length);
-        dual.apply(&q, &mut w, ACCURACY, stop)?;
+        let mut w = apply(&q, ACCURACY)?;
         project(&mut w);
         alpha.push(dot(&q, &w));
-        basis.push(std::mem::replace(&mut q, w.clone()));
+        basis.push(std::mem::replace(&mut q, w));
         // Twice is enough.
         for _ in 0..2 {
             for p in &basis {
@@ -405,18 +416,18 @@ mod tests {
         let accuracy = Accuracy::Residual(1e-12);
         let made = |dual: &mut dyn DualOperator| -> [Vec<f64>; 3] {
             let (mut y, mut b) = (vec![0.0; len], vec![0.0; len]);
+            let (force, none) = (problem.load_case().force(), vec![0.0; len]);
             let stop = Stop::default();
             assert_eq!(dual.size(), (problem.load().len(), len));
             dual.apply(&p, &mut y, accuracy, &stop)
                 .and_then(|()| {
-                    dual.right_hand_side(
-                        problem.load_case(),
-                        &mut b,
-                        Accuracy::Residual(1e-10),
-                        &stop,
-                    )
+                    let accuracy = Accuracy::Residual(1e-10);
+                    dual.at_contact(&Request::new(force, &none, accuracy, &stop), &mut b)
                 })
-                .and_then(|()| dual.displacement(problem.load_case(), &p, 1e-9, &stop))
+                .and_then(|_| {
+                    let accuracy = Accuracy::Residual(1e-9);
+                    dual.displacement(&Request::new(force, &p, accuracy, &stop))
+                })
                 .map(|u| [y, b, u])
                 .unwrap_or_else(|error| panic!("{error}"))
         };

@@ -7,9 +7,9 @@ use crate::backend::cpu::copy_bandwidth;
 use crate::backend::gpu::{Ahead, Context, Gpu, GpuError, Speed};
 use crate::backend::{GpuOptions, Precision};
 use crate::control::{Accuracy, Correction, Costs, Stop};
-use crate::dual::{Change, DirectDual, DualError, DualOperator, NestedDual, plan};
+use crate::dual::{Change, DirectDual, DualError, DualOperator, NestedDual, Request, plan};
 use crate::memory;
-use crate::problem::{ContactProblem, LoadCase, System};
+use crate::problem::{ContactProblem, System};
 use crate::sparse::Csr;
 use crate::ssnm::RecycledSubspace;
 use crate::stiffness::cholesky::FactorError;
@@ -183,7 +183,16 @@ enum Path {
 }
 
 impl Path {
-    fn dual(&mut self) -> &mut dyn DualOperator {
+    fn dual(&self) -> &dyn DualOperator {
+        match self {
+            Self::Cholesky(dual) => dual.as_ref(),
+            Self::Cpu(dual) => dual.as_ref(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(dual, _) => dual.as_ref(),
+        }
+    }
+
+    fn dual_mut(&mut self) -> &mut dyn DualOperator {
         match self {
             Self::Cholesky(dual) => dual.as_mut(),
             Self::Cpu(dual) => dual.as_mut(),
@@ -491,7 +500,7 @@ impl Engine {
         mut work: impl FnMut(&mut dyn DualOperator) -> Result<T, DualError>,
     ) -> Result<T, DualError> {
         loop {
-            let error = match work(self.path.dual()) {
+            let error = match work(self.path.dual_mut()) {
                 Err(DualError::Pcg(error)) => error,
                 outcome => return outcome,
             };
@@ -805,12 +814,7 @@ fn iteration_times(bytes: f64, speed: Speed, precision: Precision, cpu: f64) -> 
 
 impl DualOperator for Engine {
     fn size(&self) -> (usize, usize) {
-        match &self.path {
-            Path::Cholesky(dual) => dual.size(),
-            Path::Cpu(dual) => dual.size(),
-            #[cfg(feature = "gpu")]
-            Path::Gpu(dual, _) => dual.size(),
-        }
+        self.path.dual().size()
     }
 
     fn apply(
@@ -823,36 +827,20 @@ impl DualOperator for Engine {
         self.with_fallback(|dual| dual.apply(p, y, accuracy, stop))
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        self.with_fallback(|dual| dual.right_hand_side(load, b, accuracy, stop))
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.path.dual().restrict(u, y);
     }
 
-    fn gradient(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        r: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        self.with_fallback(|dual| dual.gradient(load, lambda, r, along, accuracy, stop))
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        self.with_fallback(|dual| dual.at_contact(request, y))
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        self.with_fallback(|dual| dual.displacement(load, lambda, residual, stop))
+    fn is_exact(&self) -> bool {
+        self.path.dual().is_exact()
+    }
+
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        self.with_fallback(|dual| dual.displacement(request))
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
@@ -860,17 +848,11 @@ impl DualOperator for Engine {
     }
 
     fn refine(&mut self) -> bool {
-        match &mut self.path {
-            Path::Cholesky(dual) => dual.refine(),
-            _ => false,
-        }
+        self.path.dual_mut().refine()
     }
 
     fn matrix(&self) -> Option<Csr> {
-        match &self.path {
-            Path::Cholesky(dual) => dual.matrix(),
-            _ => None,
-        }
+        self.path.dual().matrix()
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
@@ -878,12 +860,7 @@ impl DualOperator for Engine {
     }
 
     fn costs(&self) -> Option<Costs> {
-        match &self.path {
-            Path::Cholesky(_) => None,
-            Path::Cpu(dual) => dual.costs(),
-            #[cfg(feature = "gpu")]
-            Path::Gpu(dual, _) => dual.costs(),
-        }
+        self.path.dual().costs()
     }
 }
 

@@ -109,8 +109,8 @@ pub fn solve<const D: usize, K>(
     solve_from(WarmStart::default(), problem, dual, settings, observer)
 }
 
-/// Solves the problem with a dual operator made for it, or for one with the same K, N and T. Load and gap are passed to
-/// the operator with each request.
+/// Solves the problem with a dual operator made for it, or for one with the same K, N and T. The load is passed to the
+/// operator with each request.
 ///
 /// `observer` is called after every outer step and may stop the solve.
 ///

@@ -1,8 +1,8 @@
 //! The dual operator where it is known itself: the Delassus operator of contacts.
 
-use super::{DualError, DualOperator};
-use crate::control::{Accuracy, Stop};
-use crate::problem::{ContactProblem, Elsewhere, LoadCase};
+use super::{DualError, DualOperator, Request};
+use crate::control::{Accuracy, Correction, Stop};
+use crate::problem::{ContactProblem, Elsewhere};
 use crate::sparse::Csr;
 use std::sync::Arc;
 
@@ -80,13 +80,6 @@ where
         (self.product)(x, &mut y)?;
         Ok(y)
     }
-
-    /// K⁻¹(f − Bᵀλ), and f − Bᵀλ.
-    fn displaced(&mut self, load: &LoadCase, lambda: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
-        let mut forces = load.force().to_vec();
-        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
-        Ok([self.times(&forces)?, forces])
-    }
 }
 
 impl<W> DualOperator for DelassusDual<W>
@@ -99,22 +92,18 @@ where
 
     fn apply(&mut self, p: &[f64], y: &mut [f64], _: Accuracy, _: &Stop) -> Result<(), DualError> {
         let moved = self.times(&self.impulses(p))?;
-        self.contact.mul(&moved, y);
+        self.restrict(&moved, y);
         Ok(())
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        _: Accuracy,
-        _: &Stop,
-    ) -> Result<(), DualError> {
-        let moved = self.times(load.force())?;
-        self.contact.mul(&moved, b);
-        let offsets = load.offsets();
-        b.iter_mut().zip(offsets).for_each(|(b, c)| *b -= c);
-        Ok(())
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.contact.mul(u, y);
+    }
+
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        let u = self.times(&request.forces(&self.contact))?;
+        self.restrict(&u, y);
+        Ok(Correction::default())
     }
 
     fn matrix(&self) -> Option<Csr> {
@@ -130,14 +119,9 @@ where
         ))
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        _: f64,
-        _: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        let [u, forces] = self.displaced(load, lambda)?;
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        let forces = request.forces(&self.contact);
+        let u = self.times(&forces)?;
         if self.known.len() == REMEMBERED {
             self.known.remove(0);
         }

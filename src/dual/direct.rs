@@ -6,10 +6,10 @@
 //! Where bodies can move as a whole, as many unknowns as they have motions are fixed. Loads in balance cause no
 //! reaction there.
 
-use super::{DualError, DualOperator};
+use super::{DualError, DualOperator, Request, take_force};
 use crate::control::{Accuracy, Correction, Stop};
 use crate::dense;
-use crate::problem::{ContactProblem, LoadCase};
+use crate::problem::ContactProblem;
 use crate::sparse::stored::SquareBlocks;
 use crate::sparse::{Csr, norm};
 use crate::stiffness::cholesky::{Factor, FactorError, Plan};
@@ -139,7 +139,7 @@ impl DirectDual {
         (self.b, self.contact) = (b, Arc::clone(problem.contact_matrix()));
         self.matrix = of_rigid_bodies(problem);
         if same_k {
-            self.take(problem.load_case());
+            self.take(problem.load_case().force());
         } else {
             self.load = Arc::clone(problem.load_case().force());
             self.refined = false;
@@ -193,9 +193,9 @@ impl DirectDual {
         })
     }
 
-    /// Takes the f of a load case.
-    fn take(&mut self, load: &LoadCase) {
-        if load.take_force(&mut self.load) {
+    /// Takes another f.
+    fn take(&mut self, force: &Arc<Vec<f64>>) {
+        if take_force(force, &mut self.load) {
             self.reduced_load = self.factor.reduce(&self.load);
         }
     }
@@ -297,21 +297,26 @@ impl DualOperator for DirectDual {
         Ok(())
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        _accuracy: Accuracy,
-        _stop: &Stop,
-    ) -> Result<(), DualError> {
-        self.take(load);
-        let mut x = self.reduced_load[self.factor.n_leading()..].to_vec();
-        self.factor.solve_touched(&mut x);
-        self.b.mul(&x, b);
-        for (b, c) in b.iter_mut().zip(load.offsets()) {
-            *b -= c;
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.contact.mul(u, y);
+    }
+
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        if self.refined {
+            let u = self.displacement(request)?;
+            self.restrict(&u, y);
+        } else {
+            self.take(request.force);
+            let mut x = self.reduced_load[self.factor.n_leading()..].to_vec();
+            self.b.mul_transpose_add(-1.0, request.lambda, &mut x);
+            self.factor.solve_touched(&mut x);
+            self.b.mul(&x, y);
         }
-        Ok(())
+        Ok(Correction::default())
+    }
+
+    fn is_exact(&self) -> bool {
+        !self.refined
     }
 
     fn refine(&mut self) -> bool {
@@ -322,20 +327,14 @@ impl DualOperator for DirectDual {
         self.matrix.clone()
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        _stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        self.take(load);
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        self.take(request.force);
+        let residual = request.residual();
         let mut x = self.reduced_load.clone();
-        self.b
-            .mul_transpose_add(-1.0, lambda, &mut x[self.factor.n_leading()..]);
+        let trailing = &mut x[self.factor.n_leading()..];
+        self.b.mul_transpose_add(-1.0, request.lambda, trailing);
         let mut u = self.factor.finish(&mut x);
-        let mut forces = self.load.to_vec();
-        self.contact.mul_transpose_add(-1.0, lambda, &mut forces);
+        let forces = request.forces(&self.contact);
         // Refined where rounding has left too much.
         let mut before = f64::INFINITY;
         for _ in 0..REFINEMENTS {
@@ -358,26 +357,6 @@ impl DualOperator for DirectDual {
             }
         }
         Ok(u)
-    }
-
-    fn gradient(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        r: &mut [f64],
-        _along: f64,
-        _accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        if !self.refined {
-            return Ok(None);
-        }
-        let u = self.displacement(load, lambda, 0.0, stop)?;
-        self.contact.mul(&u, r);
-        for (r, c) in r.iter_mut().zip(load.offsets()) {
-            *r = c - *r;
-        }
-        Ok(Some(Correction::default()))
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {

@@ -1,11 +1,12 @@
 //! The nested path: A p = B K⁻¹ Bᵀ p with K⁻¹ applied by preconditioned conjugate gradients.
 
 use super::{
-    Change, Correction, Costs, DualError, DualOperator, Stop, followed_right_hand_side, scatter,
+    Change, Correction, Costs, DualError, DualOperator, Request, Stop, scatter, take_force,
 };
 use crate::backend::{Backend, Run};
 use crate::control::{Accuracy, SolveCounts};
-use crate::problem::{ContactProblem, LoadCase, Vertices};
+use crate::problem::{ContactProblem, Vertices};
+use crate::ranks::Ranks;
 use crate::rounding::ROUNDING;
 use crate::sparse::stored::{SquareBlocks, power_of_two_below};
 use crate::sparse::{BlockCsr, Csr, norm};
@@ -21,13 +22,13 @@ const MOST_PASSES: usize = 4;
 const FAR: f64 = 1e12;
 
 /// Whether Bᵀp is no more than the rounding of its terms, as it may be where rows depend on each other.
-fn is_rounding(b: &Csr, p: &[f64]) -> bool {
+fn is_rounding(ranks: &Ranks, b: &Csr, p: &[f64]) -> bool {
     let (mut sums, mut terms) = (vec![0.0; b.n_cols()], vec![0.0; b.n_cols()]);
     for (i, j, v) in b.triplets() {
         sums[j] += v * p[i];
         terms[j] += (v * p[i]).abs();
     }
-    norm(&sums) <= ROUNDING * norm(&terms)
+    ranks.norm(&sums) <= ROUNDING * ranks.norm(&terms)
 }
 
 /// B, Bᵀ and u on the backend.
@@ -91,7 +92,11 @@ impl<'a, const D: usize> Grounded<'a, D> {
 /// Where the backend computes in f64, a product moves 2m numbers to it and 2m numbers back, the latter together with
 /// the progress of CG. All vectors of size n stay there. Where it computes in f32, the host makes the products with B
 /// and Bᵀ in f64, as well as the residuals of the refinement.
+///
+/// On several ranks, B, u and f are those of the unknowns of this rank, and λ, p and y are on all of them.
 pub struct NestedDual<B: Backend> {
+    /// Those that have the other unknowns.
+    ranks: Ranks,
     b: Arc<Csr>,
     /// Bᵀ without its empty rows.
     filled: Arc<Csr>,
@@ -132,19 +137,31 @@ impl<B: Backend> NestedDual<B> {
         preconditioner: Preconditioner,
     ) -> Result<Self, PcgError> {
         let Grounded { k, ties, vertices } = Grounded::of(problem);
-        let mut pcg = Pcg::of_second_order(
+        let pcg = Pcg::of_second_order(
             backend,
             &k,
             problem.coordinates(),
             vertices.as_deref(),
             preconditioner,
         )?;
-        let unit = power_of_two_below(norm(problem.load()));
+        let k = Arc::clone(problem.stiffness()) as _;
+        Self::on(pcg, problem, k, ties)
+    }
+
+    /// On conjugate gradients for K with these ties; `k` has none.
+    pub(crate) fn on<const D: usize, K>(
+        mut pcg: Pcg<B>,
+        problem: &ContactProblem<D, K>,
+        k: Arc<dyn SquareBlocks>,
+        ties: Vec<(u32, f64)>,
+    ) -> Result<Self, PcgError> {
         let (b, load) = (problem.contact_matrix(), problem.load_case().force());
+        let unit = power_of_two_below(problem.ranks().norm(load));
         Ok(Self {
+            ranks: problem.ranks().clone(),
             b: Arc::clone(b),
             filled: Arc::clone(problem.filled_columns()),
-            k: Arc::clone(problem.stiffness()) as _,
+            k,
             load: Arc::clone(load),
             on_backend: OnBackend::new(&mut pcg, b, load, unit)?,
             u: if pcg.is_f64() {
@@ -211,13 +228,17 @@ impl<B: Backend> NestedDual<B> {
         [self.pcg.hierarchy.as_deref(), self.pcg.fallback.as_deref()]
     }
 
-    /// Takes the f of a load case.
-    fn take(&mut self, load: &LoadCase) -> Result<(), PcgError> {
-        if !load.take_force(&mut self.load) {
+    /// Takes another f: all ranks get one at the same time, even if their own part has not changed.
+    fn take(&mut self, force: &Arc<Vec<f64>>) -> Result<(), PcgError> {
+        if Arc::ptr_eq(&self.load, force) {
+            return Ok(());
+        }
+        let is_other = take_force(force, &mut self.load);
+        if !self.ranks.any(is_other) {
             return Ok(());
         }
         self.u.fill(0.0);
-        self.scale_to(power_of_two_below(norm(load.force())))
+        self.scale_to(power_of_two_below(self.ranks.norm(force)))
     }
 
     /// Passes the load to the backend in another unit; the u there starts from zero.
@@ -232,87 +253,6 @@ impl<B: Backend> NestedDual<B> {
             there.loads = backend.rows(&loads, &there.lambda, &self.pcg.x)?;
         }
         Ok(())
-    }
-
-    /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
-    /// the right-hand side.
-    fn follow(
-        &mut self,
-        lambda: &[f64],
-        y: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Correction, DualError> {
-        let contact = self.filled.product(lambda);
-        let terms = norm(&self.load).max(norm(&contact));
-        if terms == 0.0 {
-            // The error that PCG leaves in a vanishing u would have to shrink for ever.
-            self.u.fill(0.0);
-            if let Some(there) = &mut self.on_backend {
-                self.pcg.backend.clear(&mut there.u);
-            }
-            y.fill(0.0);
-            return Ok(Correction::default());
-        }
-        let unit = power_of_two_below(terms);
-        if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
-            self.scale_to(unit)?;
-        }
-        let Some(there) = &mut self.on_backend else {
-            for (u, x) in self.u.iter_mut().zip(&self.x) {
-                *u -= along * x;
-            }
-            let mut load = self.load.to_vec();
-            self.b.mul_transpose_add(-1.0, lambda, &mut load);
-            let accuracy = match accuracy {
-                Accuracy::Residual(residual) => Accuracy::Residual(residual / terms),
-                accuracy => accuracy,
-            };
-            let followed = (self.pcg).refine(&load, terms, &mut self.u, accuracy, stop)?;
-            self.b.mul(&self.u, y);
-            return Ok(followed);
-        };
-        let unit = self.unit;
-        if along != 0.0 {
-            let a = -along * self.unit_of_x / unit;
-            self.pcg.backend.add(a, &self.pcg.x, &mut there.u);
-        }
-        let mut scaled: Vec<f64> = lambda.iter().map(|l| l / unit).collect();
-        scaled.push(1.0);
-        let run = match accuracy {
-            Accuracy::Residual(residual) => Run {
-                residual: residual / unit,
-                ..Run::default()
-            },
-            accuracy => Run {
-                // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
-                // shrink from step to step.
-                residual: UNREACHABLE * terms / unit,
-                ..self.pcg.run_to(accuracy, unit)
-            },
-        };
-        let run = Run {
-            continues: true,
-            ..run
-        };
-        let pcg = &mut self.pcg;
-        pcg.backend.upload(&scaled, &mut there.lambda);
-        pcg.backend.copy(&there.f, &mut pcg.r);
-        pcg.backend
-            .multiply_rows(&there.loads, &there.lambda, &mut pcg.r);
-        pcg.subtract_product(&there.u);
-        let gather = Gather {
-            rows: &there.gather,
-            y: &mut there.y,
-            out: y,
-        };
-        pcg.counts.solves += 1;
-        std::mem::swap(&mut pcg.x, &mut there.u);
-        let outcome = pcg.run(run, stop, Some(gather));
-        std::mem::swap(&mut pcg.x, &mut there.u);
-        y.iter_mut().for_each(|v| *v *= unit);
-        Ok(pcg.followed(&outcome?, unit))
     }
 }
 
@@ -356,9 +296,9 @@ impl<B: Backend> DualOperator for NestedDual<B> {
             self.b.mul_transpose_add(1.0, p, &mut load);
             self.x.fill(0.0);
             self.x.resize(load.len(), 0.0);
-            let length = norm(&load);
+            let length = self.ranks.norm(&load);
             (self.pcg).refine(&load, length, &mut self.x, accuracy, stop)?;
-            self.b.mul(&self.x, y);
+            self.restrict(&self.x, y);
             return Ok(());
         };
         let unit = power_of_two_below(norm(p));
@@ -376,7 +316,7 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         self.pcg.counts.solves += 1;
         match self.pcg.run(run, stop, Some(gather)) {
             // Rounding may push a body along a motion that nothing resists.
-            Err(PcgError::NotPositiveDefinite) if is_rounding(&self.b, p) => {
+            Err(PcgError::NotPositiveDefinite) if is_rounding(&self.ranks, &self.b, p) => {
                 y.fill(0.0);
                 return Ok(());
             }
@@ -385,50 +325,106 @@ impl<B: Backend> DualOperator for NestedDual<B> {
         let scale = unit * self.pcg.scale;
         self.unit_of_x = scale;
         y.iter_mut().for_each(|v| *v *= scale);
+        self.ranks.sum(y);
         Ok(())
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        followed_right_hand_side(self, load, b, accuracy, stop)
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.b.mul(u, y);
+        self.ranks.sum(y);
     }
 
-    fn gradient(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        r: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        self.take(load)?;
-        let followed = self.follow(lambda, r, along, accuracy, stop)?;
-        r.iter_mut().for_each(|r| *r = -*r);
-        for (r, c) in r.iter_mut().zip(load.offsets()) {
-            *r += c;
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        self.take(request.force)?;
+        let (along, stop) = (request.along, request.stop);
+        let contact = self.filled.product(request.lambda);
+        let terms = (self.ranks.norm(&self.load)).max(self.ranks.norm(&contact));
+        if terms == 0.0 {
+            // The error that PCG leaves in a vanishing u would have to shrink for ever.
+            self.u.fill(0.0);
+            if let Some(there) = &mut self.on_backend {
+                self.pcg.backend.clear(&mut there.u);
+            }
+            y.fill(0.0);
+            return Ok(Correction::default());
         }
-        Ok(Some(followed))
+        let unit = power_of_two_below(terms);
+        if !(1.0 / FAR..FAR).contains(&(unit / self.unit)) {
+            self.scale_to(unit)?;
+        }
+        let Some(there) = &mut self.on_backend else {
+            for (u, x) in self.u.iter_mut().zip(&self.x) {
+                *u -= along * x;
+            }
+            let accuracy = match request.accuracy {
+                Accuracy::Residual(residual) => Accuracy::Residual(residual / terms),
+                accuracy => accuracy,
+            };
+            let forces = request.forces(&self.b);
+            let followed = (self.pcg).refine(&forces, terms, &mut self.u, accuracy, stop)?;
+            self.restrict(&self.u, y);
+            return Ok(followed);
+        };
+        let unit = self.unit;
+        if along != 0.0 {
+            let a = -along * self.unit_of_x / unit;
+            self.pcg.backend.add(a, &self.pcg.x, &mut there.u);
+        }
+        let mut scaled: Vec<f64> = request.lambda.iter().map(|l| l / unit).collect();
+        scaled.push(1.0);
+        let run = match request.accuracy {
+            Accuracy::Residual(residual) => Run {
+                residual: residual / unit,
+                ..Run::default()
+            },
+            accuracy => Run {
+                // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to
+                // shrink from step to step.
+                residual: UNREACHABLE * terms / unit,
+                ..self.pcg.run_to(accuracy, unit)
+            },
+        };
+        let run = Run {
+            continues: true,
+            ..run
+        };
+        let pcg = &mut self.pcg;
+        pcg.backend.upload(&scaled, &mut there.lambda);
+        pcg.backend.copy(&there.f, &mut pcg.r);
+        pcg.backend
+            .multiply_rows(&there.loads, &there.lambda, &mut pcg.r);
+        pcg.subtract_product(&there.u);
+        let gather = Gather {
+            rows: &there.gather,
+            y: &mut there.y,
+            out: y,
+        };
+        pcg.counts.solves += 1;
+        std::mem::swap(&mut pcg.x, &mut there.u);
+        let outcome = pcg.run(run, stop, Some(gather));
+        std::mem::swap(&mut pcg.x, &mut there.u);
+        let followed = pcg.followed(&outcome?, unit);
+        y.iter_mut().for_each(|v| *v *= unit);
+        self.ranks.sum(y);
+        Ok(followed)
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        self.take(load)?;
+    fn is_exact(&self) -> bool {
+        false
+    }
+
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
         let mut y = vec![0.0; self.b.n_rows()];
         let mut u = vec![0.0; self.b.n_cols()];
+        let residual = request.residual();
         let mut asked = residual;
         for _ in 0..MOST_PASSES {
-            self.follow(lambda, &mut y, 0.0, Accuracy::Residual(asked), stop)?;
+            let pass = Request {
+                along: 0.0,
+                accuracy: Accuracy::Residual(asked),
+                ..*request
+            };
+            self.at_contact(&pass, &mut y)?;
             match &self.on_backend {
                 None => u.copy_from_slice(&self.u),
                 Some(there) => {
@@ -439,11 +435,10 @@ impl<B: Backend> DualOperator for NestedDual<B> {
                 }
             }
             // An imbalance that CG leaves all over a body is held by its ties in a few places.
-            let held = (self.ties.iter())
-                .map(|&(i, tie)| (tie * u[i as usize]).powi(2))
-                .sum::<f64>()
-                .sqrt();
-            if held <= residual {
+            let held = (self.ties.iter()).map(|&(i, tie)| (tie * u[i as usize]).powi(2));
+            let mut held = [held.sum::<f64>()];
+            self.ranks.sum(&mut held);
+            if held[0].sqrt() <= residual {
                 break;
             }
             asked *= 0.1;

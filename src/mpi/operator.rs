@@ -1,31 +1,29 @@
 //! A = B K⁻¹ Bᵀ with K on several ranks: conjugate gradients around our own levels of multigrid, over those of PETSc.
 //!
 //! λ is on all ranks, K, u, f and the columns of B are where their unknowns are. A product needs no message for Bᵀλ, those of
-//! the halo and of PETSc for K⁻¹, and one sum for B u.
+//! the halo and of PETSc for K⁻¹, and one sum for B u. It is that of one process ([`NestedDual`]); what is of several ranks is
+//! here: K in rows, PETSc, and when all of them stop.
 
 use super::petsc::{self, PetscError};
 use super::share::MpiError;
 use crate::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::backend::gpu::{Context, Gpu};
-use crate::backend::{Backend, Precision, Run};
-use crate::control::{Accuracy, Correction, Costs, SolveCounts, Stop};
-use crate::dual::{DualError, DualOperator, followed_right_hand_side};
+use crate::backend::{Backend, Precision};
+use crate::control::{Accuracy, Correction, Costs, Stop};
+use crate::dual::{DualError, DualOperator, NestedDual, Request};
 use crate::engine::{Device, EngineError, EngineOptions, Stiffness};
-use crate::problem::{ContactProblem, Elsewhere, LoadCase, Vertices};
+use crate::problem::{ContactProblem, Elsewhere, Vertices};
 use crate::ranks::{Group, Halo, Ranks};
+use crate::sparse::BlockCsr;
 use crate::sparse::stored::SquareBlocks;
-use crate::sparse::{BlockCsr, Csr, add_times, difference};
 use crate::stiffness::amg::{AmgError, AmgSettings, Hierarchy, OnRanks, RowsBelow, SolverBelow};
-use crate::stiffness::pcg::{Pcg, PcgError, Preconditioner, UNREACHABLE};
+use crate::stiffness::pcg::{Pcg, PcgError, Preconditioner};
 use std::cell::RefCell;
 use std::fmt;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
-
-/// The number of refinements of a displacement for the sake of its ties, as on one machine.
-const MOST_PASSES: usize = 4;
 
 /// The prefix of the options.
 const PREFIX: &str = "signorini_";
@@ -120,143 +118,61 @@ impl Means {
             },
         })
     }
-}
 
-/// Conjugate gradients on the device of this rank.
-enum Cg {
-    Cpu(Box<Pcg<Cpu>>),
-    #[cfg(feature = "gpu")]
-    Gpu(Box<Pcg<Gpu>>),
-}
-
-impl Cg {
-    fn new(
-        _means: &Means,
-        ranks: &Ranks,
-        k: &Arc<dyn SquareBlocks>,
-        hierarchy: Hierarchy<f32>,
-    ) -> Result<Self, PcgError> {
+    /// The adapter of this rank, and the precision of its kernels, if it computes on one.
+    fn adapter(&self) -> Option<(String, Precision)> {
         #[cfg(feature = "gpu")]
-        if let Some(context) = &_means.context {
-            let backend = Gpu::on(context, ranks)?;
-            let pcg = Pcg::with_hierarchy(backend, Arc::clone(k), hierarchy)?;
-            return Ok(Self::Gpu(Box::new(pcg)));
-        }
-        let pcg = Pcg::with_hierarchy(Cpu::on(ranks), Arc::clone(k), hierarchy)?;
-        Ok(Self::Cpu(Box::new(pcg)))
+        return (self.context.as_ref())
+            .map(|context| (context.adapter.to_string(), context.precision));
+        #[cfg(not(feature = "gpu"))]
+        None
     }
 
-    fn solve(
-        &mut self,
-        k: &dyn SquareBlocks,
-        system: SystemOfRank,
-        stop: &Stop,
-    ) -> Result<Correction, PcgError> {
-        match self {
-            Self::Cpu(pcg) => system.solved(pcg, k, stop),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(pcg) => system.solved(pcg, k, stop),
+    /// Conjugate gradients on the device of this rank.
+    fn dual<const D: usize>(
+        &self,
+        problem: &ContactProblem<D, Elsewhere>,
+        k: &Arc<dyn SquareBlocks>,
+        ties: &[(u32, f64)],
+        hierarchy: Hierarchy<f32>,
+    ) -> Result<Box<dyn DualOperator>, PcgError> {
+        #[cfg(feature = "gpu")]
+        if let Some(context) = &self.context {
+            let gpu = Gpu::on(context, problem.ranks())?;
+            return on_device(gpu, problem, k, ties, hierarchy);
         }
-    }
-
-    fn counts(&mut self) -> &mut SolveCounts {
-        match self {
-            Self::Cpu(pcg) => &mut pcg.counts,
-            #[cfg(feature = "gpu")]
-            Self::Gpu(pcg) => &mut pcg.counts,
-        }
+        on_device(Cpu::on(problem.ranks()), problem, k, ties, hierarchy)
     }
 }
 
-/// K x = b, with an entry per unknown of this rank.
-struct SystemOfRank<'a> {
-    b: &'a [f64],
-    /// The start, and the result so far, even after a failure.
-    x: &'a mut [f64],
-    /// The norm of the terms whose difference is b: residuals are then absolute, and x is the start. Without it they are
-    /// relative to b, and the start is zero.
-    terms: Option<f64>,
-    accuracy: Accuracy,
-}
-
-impl SystemOfRank<'_> {
-    fn solved<B: Backend>(
-        self,
-        pcg: &mut Pcg<B>,
-        k: &dyn SquareBlocks,
-        stop: &Stop,
-    ) -> Result<Correction, PcgError> {
-        let Self {
-            b,
-            x,
-            terms,
-            accuracy,
-        } = self;
-        if terms.is_none() {
-            x.fill(0.0);
-        }
-        if !pcg.is_f64() {
-            let accuracy = match (accuracy, terms) {
-                (Accuracy::Residual(residual), Some(terms)) => Accuracy::Residual(residual / terms),
-                (accuracy, _) => accuracy,
-            };
-            let terms = terms.unwrap_or_else(|| pcg.backend.norm(b));
-            return pcg.refine(b, terms, x, accuracy, stop);
-        }
-        pcg.counts.solves += 1;
-        let to = pcg.run_to(accuracy, 1.0);
-        let run = match (accuracy, terms) {
-            (Accuracy::Residual(residual), Some(_)) => Run {
-                residual,
-                ..Run::default()
-            },
-            // Forces that cancel leave rounding: without a floor the residual of a u that follows λ would have to shrink from
-            // step to step.
-            (_, Some(terms)) => Run {
-                residual: UNREACHABLE * terms,
-                ..to
-            },
-            (_, None) => to,
-        };
-        let run = Run {
-            continues: terms.is_some(),
-            ..run
-        };
-        if run.continues {
-            let mut r = b.to_vec();
-            k.subtract_product(x, &mut r);
-            pcg.backend.upload(&r, &mut pcg.r);
-            pcg.backend.upload(x, &mut pcg.x);
-        } else {
-            pcg.backend.upload(b, &mut pcg.r);
-        }
-        let outcome = pcg.run(run, stop, None);
-        pcg.backend.download(&pcg.x, x)?;
-        Ok(pcg.followed(&outcome?, 1.0))
-    }
+/// The same on this backend.
+fn on_device<B: Backend<Stored = f32> + 'static, const D: usize>(
+    backend: B,
+    problem: &ContactProblem<D, Elsewhere>,
+    k: &Arc<dyn SquareBlocks>,
+    ties: &[(u32, f64)],
+    hierarchy: Hierarchy<f32>,
+) -> Result<Box<dyn DualOperator>, PcgError> {
+    let pcg = Pcg::with_hierarchy(backend, Arc::clone(k), hierarchy)?;
+    let dual = NestedDual::on(pcg, problem, Arc::clone(k), ties.to_vec())?;
+    Ok(Box::new(dual))
 }
 
 /// The dual operator of a problem whose unknowns are on several ranks.
 pub(super) struct Distributed {
-    group: Arc<Group>,
     ranks: Ranks,
-    b: Arc<Csr>,
-    /// The f of the last load case, and its norm over all ranks.
-    load: Arc<Vec<f64>>,
-    load_norm: f64,
+    dual: Box<dyn DualOperator>,
     /// With ties.
     k: Arc<dyn SquareBlocks>,
-    cg: Cg,
+    ties: Vec<(u32, f64)>,
     /// Why PETSc has failed since the last run began.
     failure: Arc<Mutex<Option<PetscError>>>,
     /// The preconditioner for a log, and the reason why it is not multigrid although that was requested.
     about: String,
     fallback: Option<String>,
-    ties: Vec<(u32, f64)>,
-    /// u of the last gradient or displacement, the start for the next, and K⁻¹Bᵀp of the last product.
-    u: Vec<f64>,
-    product: Vec<f64>,
-    /// The stop; a product only asks whether its caller may be stopped at all.
+    /// The adapter of this rank, and the precision of its kernels, if it computes on one.
+    pub adapter: Option<(String, Precision)>,
+    /// The stop; a request only tells whether its caller may be stopped at all.
     pub limits: Limits,
 }
 
@@ -430,27 +346,21 @@ impl Distributed {
             }
             (true, _) => below.into_inner(),
         };
-        let own = rows.n_rows();
         let k: Arc<dyn SquareBlocks> = Arc::new(Spread {
             x: Mutex::new(vec![0.0; rows.n_cols()]),
             rows,
             halo,
         });
         Ok(Self {
-            b: Arc::clone(problem.contact_matrix()),
-            load: Arc::clone(problem.load_case().force()),
-            load_norm: ranks.norm(problem.load_case().force()),
-            cg: Cg::new(means, &ranks, &k, hierarchy)?,
+            ranks,
+            dual: means.dual(problem, &k, &ties, hierarchy)?,
             k,
+            ties,
             failure,
             about,
             fallback,
-            ties,
-            u: vec![0.0; own],
-            product: vec![0.0; own],
+            adapter: means.adapter(),
             limits: Limits::default(),
-            ranks,
-            group: Arc::clone(group),
         })
     }
 
@@ -459,33 +369,12 @@ impl Distributed {
         (&self.about, self.fallback.as_deref())
     }
 
-    /// The adapter of this rank, and the precision of its kernels, if it computes on one.
-    pub fn adapter(&self) -> Option<(String, Precision)> {
-        match &self.cg {
-            Cg::Cpu(_) => None,
-            #[cfg(feature = "gpu")]
-            Cg::Gpu(pcg) => {
-                let context = pcg.backend.context();
-                Some((context.adapter.to_string(), context.precision))
-            }
-        }
-    }
-
-    /// Bᵀλ on the unknowns of this rank.
-    fn forces(&self, lambda: &[f64]) -> Vec<f64> {
-        let mut forces = vec![0.0; self.b.n_cols()];
-        self.b.mul_transpose_add(1.0, lambda, &mut forces);
-        forces
-    }
-
-    /// y = B u.
-    fn seen(&self, u: &[f64], y: &mut [f64]) {
-        self.b.mul(u, y);
-        self.ranks.sum(y);
-    }
-
-    /// Solves a system. `stop` only tells whether the caller may be stopped at all.
-    fn solve(&mut self, system: SystemOfRank, stop: &Stop) -> Result<Correction, DualError> {
+    /// Makes a product or u. `stop` only tells whether the caller may be stopped at all.
+    fn on_all<T>(
+        &mut self,
+        stop: &Stop,
+        work: impl FnOnce(&mut dyn DualOperator, &Stop) -> Result<T, DualError>,
+    ) -> Result<T, DualError> {
         let limits = &self.limits;
         let stop = match stop.deadline.is_some() || stop.interrupt.is_some() {
             true => Stop {
@@ -495,55 +384,18 @@ impl Distributed {
             },
             false => Stop::default(),
         };
-        let outcome = self.cg.solve(&*self.k, system, &stop);
-        if let Some(error) = (self.failure.lock())
-            .unwrap_or_else(PoisonError::into_inner)
-            .take()
-        {
-            return Err(error.into());
+        let outcome = work(&mut *self.dual, &stop);
+        let mut failure = (self.failure.lock()).unwrap_or_else(PoisonError::into_inner);
+        match failure.take() {
+            Some(error) => Err(error.into()),
+            None => outcome,
         }
-        Ok(outcome?)
-    }
-
-    /// Solves K u = f − Bᵀλ from the previous u; and y = B u. The accuracy of a residual is absolute, not relative to
-    /// the right-hand side.
-    fn follow(
-        &mut self,
-        lambda: &[f64],
-        y: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Correction, DualError> {
-        let contact = self.forces(lambda);
-        let mut u = std::mem::take(&mut self.u);
-        if along != 0.0 {
-            add_times(-along, &self.product, &mut u);
-        }
-        let terms = self.load_norm.max(self.ranks.norm(&contact));
-        if terms == 0.0 {
-            // The error that CG leaves in a vanishing u would have to shrink for ever.
-            u.fill(0.0);
-            self.u = u;
-            y.fill(0.0);
-            return Ok(Correction::default());
-        }
-        let system = SystemOfRank {
-            b: &difference(&self.load, &contact),
-            x: &mut u,
-            terms: Some(terms),
-            accuracy,
-        };
-        let outcome = self.solve(system, stop);
-        self.u = u;
-        self.seen(&self.u, y);
-        outcome
     }
 }
 
 impl DualOperator for Distributed {
     fn size(&self) -> (usize, usize) {
-        (self.load.len(), self.b.n_rows())
+        self.dual.size()
     }
 
     fn apply(
@@ -553,69 +405,27 @@ impl DualOperator for Distributed {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let forces = self.forces(p);
-        let mut product = std::mem::take(&mut self.product);
-        let system = SystemOfRank {
-            b: &forces,
-            x: &mut product,
-            terms: None,
-            accuracy,
-        };
-        let outcome = self.solve(system, stop);
-        self.product = product;
-        self.seen(&self.product, y);
-        outcome.map(|_| ())
+        self.on_all(stop, |dual, stop| dual.apply(p, y, accuracy, stop))
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        followed_right_hand_side(self, load, b, accuracy, stop)
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.dual.restrict(u, y);
     }
 
-    fn gradient(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        r: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        self.take(load);
-        let followed = self.follow(lambda, r, along, accuracy, stop)?;
-        for (r, c) in r.iter_mut().zip(load.offsets()) {
-            *r = c - *r;
-        }
-        Ok(Some(followed))
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        self.on_all(request.stop, |dual, stop| {
+            dual.at_contact(&Request { stop, ..*request }, y)
+        })
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        self.take(load);
-        let mut y = vec![0.0; self.b.n_rows()];
-        let mut asked = residual;
-        for _ in 0..MOST_PASSES {
-            self.follow(lambda, &mut y, 0.0, Accuracy::Residual(asked), stop)?;
-            // An imbalance that CG leaves all over a body is held by its ties in a few places.
-            let held = (self.ties.iter()).map(|&(i, tie)| (tie * self.u[i as usize]).powi(2));
-            let mut held = [held.sum::<f64>()];
-            self.ranks.sum(&mut held);
-            if held[0].sqrt() <= residual {
-                break;
-            }
-            asked *= 0.1;
-        }
-        Ok(self.u.clone())
+    fn is_exact(&self) -> bool {
+        false
+    }
+
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        self.on_all(request.stop, |dual, stop| {
+            dual.displacement(&Request { stop, ..*request })
+        })
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
@@ -629,39 +439,12 @@ impl DualOperator for Distributed {
     }
 
     fn linear_iterations(&mut self, tolerance: f64) -> Result<Option<usize>, DualError> {
-        let (before, load) = (*self.cg.counts(), Arc::clone(&self.load));
-        let system = SystemOfRank {
-            b: &load,
-            x: &mut vec![0.0; load.len()],
-            terms: None,
-            accuracy: Accuracy::Residual(tolerance),
-        };
-        self.solve(system, &Stop::default())?;
-        let counts = self.cg.counts();
-        let iterations = counts.iterations - before.iterations;
-        *counts = before;
-        Ok(Some(iterations))
+        self.on_all(&Stop::default(), |dual, _| {
+            dual.linear_iterations(tolerance)
+        })
     }
 
     fn costs(&self) -> Option<Costs> {
-        Some(match &self.cg {
-            Cg::Cpu(pcg) => pcg.costs(),
-            #[cfg(feature = "gpu")]
-            Cg::Gpu(pcg) => pcg.costs(),
-        })
-    }
-}
-
-impl Distributed {
-    /// Takes the f of a load case: all ranks get another one at the same time, even if their own part has not changed.
-    fn take(&mut self, load: &LoadCase) {
-        if Arc::ptr_eq(&self.load, load.force()) {
-            return;
-        }
-        let is_other = load.take_force(&mut self.load);
-        if self.group.any(is_other) {
-            self.u.fill(0.0);
-            self.load_norm = self.ranks.norm(&self.load);
-        }
+        self.dual.costs()
     }
 }

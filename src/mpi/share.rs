@@ -408,7 +408,7 @@ where
 
     /// The adapter of this rank, and the precision of its kernels, if it computes on one.
     pub fn adapter(&self) -> Option<(String, Precision)> {
-        self.dual.adapter()
+        self.dual.adapter.clone()
     }
 
     /// The bodies that only contact holds, and how they could move as a whole, in words; of a model.

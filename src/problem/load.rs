@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-/// The load of a contact problem, and the origins of gap and slip: a small value beside a [`System`](super::System),
-/// passed to the dual operator with each request.
+/// The load of a contact problem, and the origins of gap and slip: a small value beside a [`System`](super::System). Each
+/// request to the dual operator has its f.
 #[derive(Clone, Debug)]
 pub struct LoadCase {
     /// f.
@@ -50,15 +50,6 @@ impl LoadCase {
     /// f, with an entry per row of K. Clones of a load case share it.
     pub fn force(&self) -> &Arc<Vec<f64>> {
         &self.force
-    }
-
-    /// Replaces f; returns whether it has changed.
-    pub(crate) fn take_force(&self, last: &mut Arc<Vec<f64>>) -> bool {
-        if Arc::ptr_eq(last, &self.force) {
-            return false;
-        }
-        let before = std::mem::replace(last, Arc::clone(&self.force));
-        before != self.force
     }
 
     /// (d, origin of slip): c in r = c − B u, length D m.

@@ -12,9 +12,8 @@
 //! ```
 
 use crate::control::{Accuracy, Stop};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::{DualError, DualOperator, Request};
 use crate::problem::{ContactProblem, Elsewhere, LoadCase};
-use crate::sparse::add_times;
 use crate::ssnm::Solution;
 use std::sync::Arc;
 
@@ -28,6 +27,9 @@ pub(super) const WEAK: f64 = 1e8;
 /// a body that needs some way bear up to 100 times more, less where they hold it back before it has come there.
 pub(super) const STIFFER: f64 = 100.0;
 pub(super) const MORE: f64 = 2.0;
+
+/// A relative residual that is accurate enough for a product.
+const ACCURATE: f64 = 1e-10;
 
 /// The result for bodies on weak springs.
 pub(super) enum Springs<const D: usize> {
@@ -89,23 +91,12 @@ impl<'a, const D: usize> OnSprings<'a, D> {
     ) -> Result<Vec<f64>, DualError> {
         let mut alpha = self.take_out(&mut forces);
         alpha.iter_mut().for_each(|a| *a /= self.stiffness);
-        let none = vec![0.0; self.problem.contact_matrix().n_rows()];
-        let (gap, origin) = none.split_at(self.problem.m());
-        let size = self.problem.ranks().norm(&forces);
-        let case = LoadCase::new(forces, size, gap.to_vec(), origin.to_vec(), gap.to_vec());
-        let mut u = self.dual.displacement(&case, &none, residual, stop)?;
+        let (forces, none) = (Arc::new(forces), vec![0.0; self.size().1]);
+        let request = Request::new(&forces, &none, Accuracy::Residual(residual), stop);
+        let mut u = self.dual.displacement(&request)?;
         self.take_out(&mut u);
         self.problem.floating_bodies().add_motion(&alpha, &mut u);
         Ok(u)
-    }
-
-    /// The residual that is accurate enough for a product.
-    fn residual(&self, forces: &[f64], accuracy: Accuracy) -> f64 {
-        let length = self.problem.ranks().norm(forces);
-        match accuracy {
-            Accuracy::Residual(part) => part * length,
-            Accuracy::Energy { .. } => 1e-10 * length,
-        }
     }
 }
 
@@ -121,42 +112,30 @@ impl<const D: usize> DualOperator for OnSprings<'_, D> {
         accuracy: Accuracy,
         stop: &Stop,
     ) -> Result<(), DualError> {
-        let mut forces = vec![0.0; self.problem.contact_matrix().n_cols()];
-        self.problem
-            .contact_matrix()
-            .mul_transpose_add(1.0, p, &mut forces);
-        let residual = self.residual(&forces, accuracy);
+        let b = self.problem.contact_matrix();
+        let mut forces = vec![0.0; b.n_cols()];
+        b.mul_transpose_add(1.0, p, &mut forces);
+        let part = match accuracy {
+            Accuracy::Residual(part) => part,
+            Accuracy::Energy { .. } => ACCURATE,
+        };
+        let residual = part * self.problem.ranks().norm(&forces);
         let u = self.moved(forces, residual, stop)?;
-        y.copy_from_slice(&self.problem.times(self.problem.contact_matrix(), &u));
+        self.restrict(&u, y);
         Ok(())
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        let residual = self.residual(load.force(), accuracy);
-        let u = self.moved(load.force().to_vec(), residual, stop)?;
-        b.copy_from_slice(&self.problem.times(self.problem.contact_matrix(), &u));
-        add_times(-1.0, &load.offsets(), b);
-        Ok(())
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.dual.restrict(u, y);
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        let mut forces = load.force().to_vec();
-        self.problem
-            .contact_matrix()
-            .mul_transpose_add(-1.0, lambda, &mut forces);
-        self.moved(forces, residual, stop)
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        let forces = request.forces(self.problem.contact_matrix());
+        let residual = match request.accuracy {
+            Accuracy::Residual(residual) => residual,
+            Accuracy::Energy { .. } => ACCURATE * self.problem.ranks().norm(&forces),
+        };
+        self.moved(forces, residual, request.stop)
     }
 
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {

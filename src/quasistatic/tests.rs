@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::control::{Accuracy, Stop};
-use crate::dual::{DirectDual, DualError};
+use crate::dual::{DirectDual, DualError, Request};
 use crate::problem::ContactData;
 use crate::sparse::{BlockCsr, Csr, norm_max};
 use crate::stiffness::cholesky::FactorError;
@@ -46,27 +46,15 @@ impl DualOperator for Failing {
     ) -> Result<(), DualError> {
         self.0.apply(p, y, accuracy, stop)
     }
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        self.0.right_hand_side(load, b, accuracy, stop)
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.0.restrict(u, y);
     }
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
         if self.1 == 0 {
             return Err(FactorError::TooLarge.into());
         }
         self.1 -= 1;
-        self.0.displacement(load, lambda, residual, stop)
+        self.0.displacement(request)
     }
     fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
         self.0.stiffness_times(u, s)
@@ -221,8 +209,9 @@ fn a_block_on_springs() {
     let place = [0.3, -0.2, 0.1];
     let rests = on_springs.problem(&place);
     assert!(rests.floating_bodies().is_empty());
-    let case = rests.load_case().clone();
-    let u = on_springs.displacement(&case, &vec![0.0; p.len()], 0.0, &Stop::default());
+    let (force, none) = (rests.load_case().force(), vec![0.0; p.len()]);
+    let (exact, stop) = (Accuracy::Residual(0.0), Stop::default());
+    let u = on_springs.displacement(&Request::new(force, &none, exact, &stop));
     let mut there = vec![0.0; n];
     free.add_motion(&place, &mut there);
     close(&u.unwrap_or_else(|error| panic!("{error}")), &there);

@@ -6,7 +6,7 @@ use super::outer::Way;
 use super::point::Point;
 use super::{EXACT, MET, Status};
 use crate::control::Stop;
-use crate::dual::{DualError, DualOperator, conditions};
+use crate::dual::{DualError, conditions};
 use crate::problem::Kkt;
 
 /// What is due at a point.
@@ -165,7 +165,7 @@ impl<const D: usize> Newton<'_, D> {
         }
         let u = self.displacement(&way.point, EXACT, self.products.stop)?;
         let sizes: Vec<f64> = u.iter().map(|u| u.abs()).collect();
-        let [_, mut force] = self.products.dual.stiffness_times(&u, &sizes)?;
+        let [_, mut force] = self.products.dual.operator.stiffness_times(&u, &sizes)?;
         for (i, f) in force.iter_mut().enumerate() {
             // The fractional parts of multiples of the golden ratio.
             if (i as f64 * 0.618_033_988_749_895).fract() < 0.5 {
@@ -200,7 +200,7 @@ impl<const D: usize> Newton<'_, D> {
         let whole = self.dual.whole;
         (whole.floating_bodies()).add_motion(&point.motion, &mut u);
         let lambda = self.unscaled(point).0;
-        let kkt = conditions(whole, &mut self.products.dual, &u, &lambda)?;
+        let kkt = conditions(whole, self.products.dual.operator, &u, &lambda)?;
         Ok(Certificate { u, kkt })
     }
 

@@ -103,7 +103,8 @@ impl<const D: usize> Newton<'_, D> {
         rn.copy_from_slice(&problem.times(problem.normal(), u));
         rt.copy_from_slice(&problem.times(problem.tangential(), u));
         let offsets = problem.load_case().offsets();
-        (self.products.dual).finish_gradient(&offsets, &point.lambda, &mut point.r);
+        let lambda = self.products.dual.unscaled(&point.lambda);
+        (self.products.dual).finish_gradient(&offsets, &lambda, &mut point.r);
         point.motion.fill(0.0);
     }
 
@@ -133,9 +134,8 @@ impl<const D: usize> Newton<'_, D> {
 
     /// λ and r in the units of the problem.
     pub fn unscaled(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
-        let (mut lambda, mut r) = (point.lambda.clone(), point.r.clone());
-        self.products.dual.times(&mut lambda);
+        let mut r = point.r.clone();
         self.products.dual.divide(&mut r);
-        (lambda, r)
+        (self.products.dual.unscaled(&point.lambda), r)
     }
 }

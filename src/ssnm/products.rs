@@ -8,7 +8,7 @@
 use super::scaling::Scaled;
 use super::{EXACT, Method, NewtonSettings, Numbers};
 use crate::control::{Accuracy, Correction, Stop};
-use crate::dual::{DualError, DualOperator};
+use crate::dual::{DualError, Request};
 use crate::problem::{LoadCase, beyond};
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, norm};
@@ -21,8 +21,6 @@ pub(super) struct Products<'a> {
     pub stop: Stop<'a>,
     /// Products so far.
     pub n_a: usize,
-    /// r is computed from a u that follows λ; otherwise it is updated.
-    follows: bool,
     numbers: Numbers,
     /// The relative accuracy of products, initially and now.
     first: f64,
@@ -53,7 +51,6 @@ impl<'a> Products<'a> {
             load,
             stop,
             n_a: 0,
-            follows: true,
             numbers,
             first: part,
             part,
@@ -64,12 +61,12 @@ impl<'a> Products<'a> {
 
     /// Whether r is carried without error.
     pub fn are_exact(&self) -> bool {
-        !self.follows
+        self.dual.operator.is_exact()
     }
 
     /// The error that a product may have, relative to √(pᵀAp) in the norm of A; nothing where K⁻¹ is applied by a factor.
     pub fn part(&self) -> f64 {
-        match self.dual.costs() {
+        match self.dual.operator.costs() {
             None => 0.0,
             Some(_) if self.correction.slow => self.numbers.product * self.part,
             Some(_) => self.part,
@@ -87,29 +84,27 @@ impl<'a> Products<'a> {
 
     /// Computes r from a refined u from here on; false if this is already so, or if K⁻¹ is applied by iterations.
     pub fn refine(&mut self) -> bool {
-        let refines = self.are_exact() && self.dual.refine();
-        self.follows |= refines;
-        refines
+        self.are_exact() && self.dual.operator.refine()
     }
 
-    /// u at λ, up to the motions of floating bodies: [`DualOperator::displacement`].
+    /// u at λ, up to the motions of floating bodies, with ‖f − Bᵀλ − Ku‖ ≤ `residual`.
     pub fn displacement(
         &mut self,
         lambda: &[f64],
         residual: f64,
         stop: &Stop,
     ) -> Result<Vec<f64>, DualError> {
-        self.dual.displacement(self.load, lambda, residual, stop)
+        let (lambda, accuracy) = (self.dual.unscaled(lambda), Accuracy::Residual(residual));
+        let request = Request::new(self.load.force(), &lambda, accuracy, stop);
+        self.dual.operator.displacement(&request)
     }
 
     /// u under these forces alone, of this size.
     pub fn moved_by(&mut self, force: Vec<f64>, size: f64) -> Result<Vec<f64>, DualError> {
-        let (residual, rows) = (EXACT * size, self.dual.size().1);
-        let load = LoadCase {
-            force: Arc::new(force),
-            ..self.load.clone()
-        };
-        (self.dual).displacement(&load, &vec![0.0; rows], residual, &self.stop)
+        let (force, none) = (Arc::new(force), vec![0.0; self.dual.operator.size().1]);
+        let accuracy = Accuracy::Residual(EXACT * size);
+        let request = Request::new(&force, &none, accuracy, &self.stop);
+        self.dual.operator.displacement(&request)
     }
 
     /// A p.
@@ -118,25 +113,21 @@ impl<'a> Products<'a> {
             absolute: 0.0,
             relative: self.part(),
         };
-        let mut image = vec![0.0; p.len()];
-        self.dual.apply(p, &mut image, accuracy, &self.stop)?;
+        let image = self.dual.apply(p, accuracy, &self.stop)?;
         self.n_a += 1;
         Ok(image)
     }
 
-    /// r at the initial λ, with the offsets `c`; one product where r is updated and λ is not zero.
-    pub fn first(&mut self, c: &[f64], lambda: &[f64]) -> Result<Vec<f64>, DualError> {
+    /// r at the initial λ; one product where r is updated and λ is not zero.
+    pub fn first(&mut self, lambda: &[f64]) -> Result<Vec<f64>, DualError> {
         let accuracy = Accuracy::Energy {
             absolute: 0.0,
             relative: self.numbers.product * self.part,
         };
-        let mut r = c.to_vec();
-        if self.follow(lambda, &mut r, 0.0, accuracy)? {
-            return Ok(r);
+        if !self.are_exact() {
+            return self.gradient(lambda, 0.0, accuracy);
         }
-        self.dual
-            .right_hand_side(self.load, &mut r, accuracy, &self.stop)?;
-        r.iter_mut().for_each(|b| *b = -*b);
+        let mut r = self.gradient(&vec![0.0; lambda.len()], 0.0, accuracy)?;
         if lambda.iter().any(|&l| l != 0.0) {
             let image = self.apply(lambda)?;
             add_times(1.0, &image, &mut r);
@@ -153,12 +144,16 @@ impl<'a> Products<'a> {
         err: f64,
         expected: &[f64],
     ) -> Result<Option<Vec<f64>>, DualError> {
+        if self.are_exact() {
+            return Ok(None);
+        }
         let accuracy = Accuracy::Energy {
             absolute: self.relaxed() * err / self.gain,
             relative: 0.0,
         };
-        let mut r = vec![0.0; lambda.len()];
-        if !self.follow(lambda, &mut r, along, accuracy)? {
+        let r = self.gradient(lambda, along, accuracy)?;
+        // A GPU may have failed in the meantime.
+        if self.are_exact() {
             return Ok(None);
         }
         let moved: Vec<f64> = (r.iter().zip(expected))
@@ -190,23 +185,21 @@ impl<'a> Products<'a> {
         self.numbers.product * (self.part / self.first)
     }
 
-    /// r from a u that follows λ; false if it is updated.
-    fn follow(
+    /// r at λ, from u.
+    fn gradient(
         &mut self,
         lambda: &[f64],
-        r: &mut [f64],
         along: f64,
         accuracy: Accuracy,
-    ) -> Result<bool, DualError> {
-        if !self.follows {
-            return Ok(false);
-        }
-        let made = (self.dual).gradient(self.load, lambda, r, along, accuracy, &self.stop)?;
-        match made {
-            Some(correction) => self.correction = correction,
-            // Or a GPU has failed in the meantime, and products are exact from now on.
-            None => self.follows = false,
-        }
-        Ok(self.follows)
+    ) -> Result<Vec<f64>, DualError> {
+        let unscaled = self.dual.unscaled(lambda);
+        let mut r = vec![0.0; lambda.len()];
+        let request = Request {
+            along,
+            ..Request::new(self.load.force(), &unscaled, accuracy, &self.stop)
+        };
+        self.correction = self.dual.operator.at_contact(&request, &mut r)?;
+        (self.dual).finish_gradient(&self.load.offsets(), &unscaled, &mut r);
+        Ok(r)
     }
 }

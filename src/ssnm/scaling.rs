@@ -1,9 +1,9 @@
 //! Scaling of the multipliers where the stiffness under the contact varies widely.
 
 use crate::constraint::row_of;
-use crate::control::{Accuracy, Correction, Costs, Stop};
+use crate::control::{Accuracy, Stop};
 use crate::dual::{DualError, DualOperator};
-use crate::problem::{ContactProblem, LoadCase};
+use crate::problem::ContactProblem;
 use crate::sparse::{Csr, norm_max};
 
 /// The dual operator in scaled multipliers λ̂ with λ = S λ̂: Â = S (A + C) S, b̂ = S b, ĝ = S⁻¹ g. C is that of compliant
@@ -15,19 +15,21 @@ use crate::sparse::{Csr, norm_max};
 /// only beyond a factor of four from the median, so that a homogeneous problem is unchanged. Corners of a block differ
 /// by exactly that factor (one cell meets there, four on a face), and rounding must not decide on them.
 pub(super) struct Scaled<'a> {
-    dual: &'a mut dyn DualOperator,
+    /// A, in the multipliers of the problem.
+    pub operator: &'a mut dyn DualOperator,
     /// S, or None for the identity.
     scale: Option<Vec<f64>>,
     /// The diagonal of C, not scaled; empty where all contact is hard.
     compliance: Vec<f64>,
-    buffer: Vec<f64>,
+    /// Contact nodes.
+    m: usize,
 }
 
 impl<'a> Scaled<'a> {
     /// `power` is [`super::Numbers::scaling`].
     pub fn new<const D: usize, K>(
         problem: &ContactProblem<D, K>,
-        dual: &'a mut dyn DualOperator,
+        operator: &'a mut dyn DualOperator,
         power: f64,
     ) -> Self {
         let m = problem.m();
@@ -48,10 +50,10 @@ impl<'a> Scaled<'a> {
         let scale: Vec<f64> = factor.collect();
         let needed = scale.iter().any(|&s| s != 1.0);
         Self {
-            dual,
+            operator,
             scale: needed.then_some(scale),
             compliance: problem.contact_compliance().to_vec(),
-            buffer: vec![0.0; D * m],
+            m,
         }
     }
 
@@ -80,7 +82,7 @@ impl<'a> Scaled<'a> {
 
     /// S (A + C) S, if A is available as a matrix.
     pub fn matrix(&self) -> Option<Csr> {
-        let matrix = self.dual.matrix()?;
+        let matrix = self.operator.matrix()?;
         let n = matrix.n_rows();
         let given_way = self.compliance.iter().enumerate().map(|(i, &c)| (i, i, c));
         let entries = matrix.triplets().chain(given_way);
@@ -95,14 +97,32 @@ impl<'a> Scaled<'a> {
         }
     }
 
-    /// r ← S (c − B u + Cλ), where r is B u and λ = S λ̂.
+    /// λ = S λ̂.
+    pub fn unscaled(&self, lambda: &[f64]) -> Vec<f64> {
+        let mut unscaled = lambda.to_vec();
+        self.times(&mut unscaled);
+        unscaled
+    }
+
+    /// Â p.
+    pub fn apply(
+        &mut self,
+        p: &[f64],
+        accuracy: Accuracy,
+        stop: &Stop,
+    ) -> Result<Vec<f64>, DualError> {
+        let unscaled = self.unscaled(p);
+        let mut y = vec![0.0; p.len()];
+        self.operator.apply(&unscaled, &mut y, accuracy, stop)?;
+        self.give_way(&unscaled, &mut y);
+        self.times(&mut y);
+        Ok(y)
+    }
+
+    /// r ← S (c − B u + Cλ), where r is B u and λ is not scaled.
     pub fn finish_gradient(&self, offsets: &[f64], lambda: &[f64], r: &mut [f64]) {
         r.iter_mut().zip(offsets).for_each(|(r, c)| *r = c - *r);
-        if !self.compliance.is_empty() {
-            let mut unscaled = lambda.to_vec();
-            self.times(&mut unscaled);
-            self.give_way(&unscaled, r);
-        }
+        self.give_way(lambda, r);
         self.times(r);
     }
 
@@ -115,86 +135,6 @@ impl<'a> Scaled<'a> {
 
     /// Sᵢᵢ of the tangential multipliers of a contact node.
     pub fn tangential_factor<const D: usize>(&self, node: usize) -> f64 {
-        self.factor(row_of::<D>(self.buffer.len() / D, node, 1))
-    }
-}
-
-impl DualOperator for Scaled<'_> {
-    fn size(&self) -> (usize, usize) {
-        self.dual.size()
-    }
-
-    fn costs(&self) -> Option<Costs> {
-        self.dual.costs()
-    }
-
-    fn refine(&mut self) -> bool {
-        self.dual.refine()
-    }
-
-    fn apply(
-        &mut self,
-        p: &[f64],
-        y: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        let mut scaled = std::mem::take(&mut self.buffer);
-        scaled.copy_from_slice(p);
-        self.times(&mut scaled);
-        let outcome = self.dual.apply(&scaled, y, accuracy, stop);
-        self.give_way(&scaled, y);
-        self.times(y);
-        self.buffer = scaled;
-        outcome
-    }
-
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        self.dual.right_hand_side(load, b, accuracy, stop)?;
-        self.times(b);
-        Ok(())
-    }
-
-    fn gradient(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        r: &mut [f64],
-        along: f64,
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        let mut lambda = lambda.to_vec();
-        self.times(&mut lambda);
-        let made = self
-            .dual
-            .gradient(load, &lambda, r, along, accuracy, stop)?;
-        if made.is_some() {
-            self.give_way(&lambda, r);
-            self.times(r);
-        }
-        Ok(made)
-    }
-
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        let mut lambda = lambda.to_vec();
-        self.times(&mut lambda);
-        self.dual.displacement(load, &lambda, residual, stop)
-    }
-
-    fn stiffness_times(&mut self, u: &[f64], s: &[f64]) -> Result<[Vec<f64>; 2], DualError> {
-        self.dual.stiffness_times(u, s)
+        self.factor(row_of::<D>(self.m, node, 1))
     }
 }

@@ -9,7 +9,7 @@ use super::products::Products;
 use super::scaling::Scaled;
 use super::{Method, RecycledSubspace};
 use crate::control::Stop;
-use crate::dual::{DualError, DualOperator, LARGEST_MATRIX, spectrum};
+use crate::dual::{DualError, LARGEST_MATRIX, spectrum};
 use crate::sparse::{add_times, difference};
 
 impl<'a, const D: usize> Newton<'a, D> {
@@ -85,7 +85,8 @@ impl<'a, const D: usize> Newton<'a, D> {
             }
         };
         let len = self.dual.offsets.len();
-        let found = spectrum(&mut self.products.dual, len, project, &self.products.stop)?;
+        let (dual, stop) = (&mut self.products.dual, &self.products.stop);
+        let found = spectrum(|q, accuracy| dual.apply(q, accuracy, stop), len, project)?;
         (self.gauge.sigma, self.mean) = (found.largest, found.mean);
         recycled.spectrum = Some((found.largest, found.mean));
         Ok(found.products)
@@ -102,15 +103,15 @@ impl<'a, const D: usize> Newton<'a, D> {
             target
         });
         let growth = self.dual.settings.numbers.growth;
-        let costs = self.products.dual.costs().is_some() || self.dual.balance.is_some();
+        let costs = self.products.dual.operator.costs().is_some() || self.dual.balance.is_some();
         let Some(target) = target else {
-            way.first.r = self.products.first(&self.dual.offsets, &way.first.lambda)?;
+            way.first.r = self.products.first(&way.first.lambda)?;
             way.point.clone_from(&way.first);
             return Ok(());
         };
         if costs && self.surrogate.is_known() {
             way.point.lambda.clone_from(&target);
-            way.point.r = self.products.first(&self.dual.offsets, &way.point.lambda)?;
+            way.point.r = self.products.first(&way.point.lambda)?;
             let back = difference(&way.first.lambda, &way.point.lambda);
             way.first.r.clone_from(&way.point.r);
             add_times(1.0, &self.surrogate.times(&back), &mut way.first.r);
@@ -120,7 +121,7 @@ impl<'a, const D: usize> Newton<'a, D> {
                 return Ok(());
             }
         }
-        way.first.r = self.products.first(&self.dual.offsets, &way.first.lambda)?;
+        way.first.r = self.products.first(&way.first.lambda)?;
         way.point.clone_from(&way.first);
         self.move_to(&mut way.point, target)?;
         self.refresh(&mut way.point, 0.0)?;

@@ -8,8 +8,8 @@ use super::scaling::Scaled;
 use super::*;
 use crate::constraint::SlipBound;
 use crate::control::{Accuracy, Correction, Costs, Stop};
-use crate::dual::{DirectDual, DualError};
-use crate::problem::{ContactData, LoadCase};
+use crate::dual::{DirectDual, DualError, Request};
+use crate::problem::ContactData;
 use crate::sparse::{BlockCsr, Csr};
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -69,38 +69,25 @@ impl DualOperator for Off {
         Ok(())
     }
 
-    fn right_hand_side(
-        &mut self,
-        load: &LoadCase,
-        b: &mut [f64],
-        accuracy: Accuracy,
-        stop: &Stop,
-    ) -> Result<(), DualError> {
-        self.of.right_hand_side(load, b, accuracy, stop)
+    fn restrict(&self, u: &[f64], y: &mut [f64]) {
+        self.of.restrict(u, y);
     }
 
-    fn gradient(
-        &mut self,
-        _load: &LoadCase,
-        _lambda: &[f64],
-        r: &mut [f64],
-        _along: f64,
-        accuracy: Accuracy,
-        _stop: &Stop,
-    ) -> Result<Option<Correction>, DualError> {
-        self.asked.set(Some(accuracy));
-        r.fill(1.0);
-        Ok(self.iterates)
+    fn at_contact(&mut self, request: &Request, y: &mut [f64]) -> Result<Correction, DualError> {
+        if self.is_exact() {
+            return self.of.at_contact(request, y);
+        }
+        self.asked.set(Some(request.accuracy));
+        y.fill(-1.0);
+        Ok(self.iterates.unwrap_or_default())
     }
 
-    fn displacement(
-        &mut self,
-        load: &LoadCase,
-        lambda: &[f64],
-        residual: f64,
-        stop: &Stop,
-    ) -> Result<Vec<f64>, DualError> {
-        let mut u = self.of.displacement(load, lambda, residual, stop)?;
+    fn is_exact(&self) -> bool {
+        self.iterates.is_none()
+    }
+
+    fn displacement(&mut self, request: &Request) -> Result<Vec<f64>, DualError> {
+        let mut u = self.of.displacement(request)?;
         u.iter_mut().for_each(|u| *u *= 1.0 + self.displaced);
         Ok(u)
     }
@@ -212,15 +199,15 @@ fn products_are_as_accurate_as_the_error_needs_them() {
     let lambda = [0.0; 4];
     let made = |made: Result<Option<Vec<f64>>, DualError>| made.unwrap_or_else(|e| panic!("{e}"));
     // A tenth of an error of 3.
-    let r = made(products.afresh(&lambda, 0.0, 3.0, &[1.0, 1.0, 1.0, 0.0]));
-    assert_eq!(r, Some(vec![1.0; 4]));
+    let r = made(products.afresh(&lambda, 0.0, 3.0, &[1.0, 1.1, 1.0, 0.0]));
+    assert_eq!(r, Some(vec![1.0, 1.1, 1.0, 1.0]));
     let Some(Accuracy::Energy { absolute, .. }) = asked.get() else {
         panic!("it was asked for an error in energy");
     };
     assert!((absolute - 0.1 * 3.0 / 2.0).abs() < 1e-12);
     // It has moved by 1 where u has moved by 0.5: the next one by 2 for 1, and 0.01 that remain are 0.02.
     assert!(products.is_enough(0.11) && !products.is_enough(0.09));
-    made(products.afresh(&lambda, 0.0, 3.0, &[1.0; 4]));
+    made(products.afresh(&lambda, 0.0, 3.0, &[1.0, 1.1, 1.0, 1.0]));
     let Some(Accuracy::Energy { absolute, .. }) = asked.get() else {
         panic!("it was asked for an error in energy");
     };
@@ -234,7 +221,7 @@ fn products_are_as_accurate_as_the_error_needs_them() {
         (products.n_a, asked.get()),
         (1, energy(0.0, products.part()))
     );
-    made(products.afresh(&lambda, 0.0, 3.0, &[1.0; 4]));
+    made(products.afresh(&lambda, 0.0, 3.0, &[1.0, 1.1, 1.0, 1.0]));
     let Some(Accuracy::Energy { absolute, .. }) = asked.get() else {
         panic!("it was asked for an error in energy");
     };
@@ -276,10 +263,8 @@ fn multipliers_are_scaled_where_stiffness_varies() {
     let law = Law::new(&problem, &scaled);
     assert_eq!(law.of(5), SlipBound::Given(6.0 / 8.0));
     // Â = S A S, and back and forth is exact.
-    let mut y = vec![0.0; 2 * m];
-    let accuracy = Accuracy::Residual(0.0);
-    scaled
-        .apply(&vec![1.0; 2 * m], &mut y, accuracy, &Stop::default())
+    let y = scaled
+        .apply(&vec![1.0; 2 * m], Accuracy::Residual(0.0), &Stop::default())
         .unwrap_or_else(|error| panic!("{error}"));
     for (i, s) in expected.iter().enumerate() {
         assert!(
@@ -319,7 +304,7 @@ fn both_tangents_of_a_node_are_scaled_alike() {
     })
     .unwrap_or_else(|error| panic!("{error}"));
     let mut dual = DirectDual::new(&problem).unwrap_or_else(|error| panic!("{error}"));
-    let mut scaled = Scaled::new(&problem, &mut dual, Numbers::default().scaling);
+    let scaled = Scaled::new(&problem, &mut dual, Numbers::default().scaling);
     // 64 times as stiff is a factor of 8, up to the tiny amount by which the power is below ½: the power of two below
     // is 4.
     let normal = [1.0, 1.0, 4.0, 1.0];
@@ -331,20 +316,21 @@ fn both_tangents_of_a_node_are_scaled_alike() {
     let law = Law::new(&problem, &scaled);
     assert_eq!(law.bounds(&[0.0; 12]), [3.0, 3.0, 12.0, 0.0]);
     // b is f / K of the unknown, less the gap: 0.5 − 0.25 of the stiff one.
-    let (accuracy, stop) = (Accuracy::Residual(0.0), Stop::default());
-    let mut b = vec![0.0; 3 * m];
-    scaled
-        .right_hand_side(problem.load_case(), &mut b, accuracy, &stop)
+    let stop = Stop::default();
+    let settings = NewtonSettings::default();
+    let mut products = Products::new(scaled, problem.load_case(), &settings, stop, 1.0);
+    let r = products
+        .first(&vec![0.0; 3 * m])
         .unwrap_or_else(|error| panic!("{error}"));
     let expected = [
         31.75, 31.75, 1.0, 31.75, 32.0, 32.0, 32.0, 32.0, 0.5, 512.0, 0.0, 0.0,
     ];
-    for (i, (b, expected)) in b.iter().zip(expected).enumerate() {
-        assert!((b - expected).abs() < 1e-12 * 32.0, "{i}: {b}");
+    for (i, (r, expected)) in r.iter().zip(expected).enumerate() {
+        assert!((r + expected).abs() < 1e-12 * 32.0, "{i}: {r}");
     }
     // λ̂ = 1 is λ = 4 on the stiff spring: (32 − 4) / 64.
-    let u = scaled
-        .displacement(problem.load_case(), &vec![1.0; 3 * m], 0.0, &stop)
+    let u = products
+        .displacement(&vec![1.0; 3 * m], 0.0, &stop)
         .unwrap_or_else(|error| panic!("{error}"));
     for (i, expected) in [(6, 28.0 / 64.0), (7, 31.75 / 16.0), (8, 31.75 * 64.0)] {
         assert!((u[i] - expected).abs() < 1e-12 * expected, "{i}: {}", u[i]);

@@ -305,7 +305,7 @@ fn a_warm_start_from_the_solution_is_done_at_once() {
 #[test]
 fn the_dual_operator_satisfies_its_definition() {
     use signorini::control::{Accuracy, Stop};
-    use signorini::dual::DualOperator;
+    use signorini::dual::{DualOperator, Request};
     let mut random = Random(3);
     for (m, n, general) in [
         (1, 5, false),
@@ -322,14 +322,15 @@ fn the_dual_operator_satisfies_its_definition() {
         let mut dual = DirectDual::new(&problem).or_panic();
         let p: Vec<f64> = (0..2 * m).map(|_| random.between(-1.0, 1.0)).collect();
         let (accuracy, stop) = (Accuracy::Residual(1e-12), Stop::default());
-        let (mut ap, mut b) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);
+        let (mut ap, mut y) = (vec![f64::NAN; 2 * m], vec![f64::NAN; 2 * m]);
         dual.apply(&p, &mut ap, accuracy, &stop)
             .expect("it cannot fail");
-        dual.right_hand_side(problem.load_case(), &mut b, accuracy, &stop)
+        let force = problem.load_case().force();
+        dual.at_contact(&Request::new(force, &p, accuracy, &stop), &mut y)
             .expect("it cannot fail");
-        // u(λ) = K⁻¹(f − Bᵀλ), so A p = B u(0) − B u(p) and b = B u(0) − c.
+        // u(λ) = K⁻¹(f − Bᵀλ), so A p = B u(0) − B u(p).
         let mut u = |l: &[f64]| {
-            dual.displacement(problem.load_case(), l, 1e-12, &stop)
+            dual.displacement(&Request::new(force, l, accuracy, &stop))
                 .expect("it cannot fail")
         };
         let (u0, up) = (u(&vec![0.0; 2 * m]), u(&p));
@@ -342,9 +343,7 @@ fn the_dual_operator_satisfies_its_definition() {
         let (b0, bp) = (product(&u0), product(&up));
         let expected: Vec<f64> = b0.iter().zip(&bp).map(|(a, b)| a - b).collect();
         assert!(crate::common::distance(&ap, &expected) < 1e-9);
-        let c: Vec<f64> = problem.gap().iter().copied().chain(vec![0.0; m]).collect();
-        let expected: Vec<f64> = b0.iter().zip(&c).map(|(a, c)| a - c).collect();
-        assert!(crate::common::distance(&b, &expected) < 1e-9);
+        assert!(crate::common::distance(&y, &bp) < 1e-9);
         // And u(p) solves its equation.
         let kkt = problem.kkt(&up, &p);
         assert!(kkt.equilibrium < 1e-9, "{kkt:?}");

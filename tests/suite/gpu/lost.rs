@@ -8,7 +8,7 @@ use signorini::backend::gpu::{Context, Gpu};
 use signorini::backend::{BackendError, GpuOptions, Precision, gpu};
 use signorini::control::{Accuracy, Stop};
 use signorini::dual::DirectDual;
-use signorini::dual::{DualOperator as _, NestedDual};
+use signorini::dual::{DualOperator as _, NestedDual, Request};
 use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::sparse::BlockCsr;
 use signorini::ssnm;
@@ -148,8 +148,8 @@ fn bindings_of_dropped_buffers_are_dropped() {
         let [gap, origin, bound] =
             [problem.gap(), problem.slip_origin(), problem.slip_bound()].map(<[f64]>::to_vec);
         let there = (problem.with_data(load, gap, origin, bound)).or_panic();
-        let (case, stop) = (there.load_case(), Stop::default());
-        dual.gradient(case, &lambda, &mut r, 0.0, accuracy, &stop)
+        let (force, stop) = (there.load_case().force(), Stop::default());
+        dual.at_contact(&Request::new(force, &lambda, accuracy, &stop), &mut r)
             .or_panic();
         kept.push(dual.backend().kept());
     }
