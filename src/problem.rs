@@ -18,7 +18,7 @@ mod tests;
 mod vertices;
 
 pub use any::{AnyProblem, dimension};
-pub(crate) use check::{LARGEST, SIZES, UNREACHABLE, is_sized};
+pub(crate) use check::{LARGEST, SIZES, UNREACHABLE, is_infinite, is_sized};
 pub use check::{Place, ProblemError};
 #[cfg(feature = "mpi")]
 pub(crate) use floating::Motions;
@@ -242,7 +242,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// is tied.
     ///
     /// # Errors
-    /// If the length is neither m nor 0.
+    /// If the length is neither m nor 0, or the gap of a tied node is infinite.
     pub fn with_ties(mut self, tied: &[bool]) -> Result<Self, ProblemError> {
         if !tied.is_empty() {
             check::length_of("the ties", tied.len(), self.m(), check::PER_NODE)?;
@@ -253,7 +253,16 @@ impl<const D: usize, K> ContactProblem<D, K> {
             .for_each(|(bound, _)| *bound = TIED);
         let mu = self.friction_coefficient().to_vec();
         self.set_friction(mu);
-        Ok(self)
+        self.with_ties_to_something()
+    }
+
+    /// The same if no tied node has an infinite gap.
+    fn with_ties_to_something(self) -> Result<Self, ProblemError> {
+        let is_nothing = |i: &usize| self.is_tied(*i) && self.is_far(*i);
+        match (0..self.m()).find(is_nothing) {
+            Some(i) => Err(ProblemError::TiedToNothing { row: i + 1 }),
+            None => Ok(self),
+        }
     }
 
     /// Sets coefficients of friction without those of tied nodes, which they would untie.
@@ -287,14 +296,15 @@ impl<const D: usize, K> ContactProblem<D, K> {
     /// close more than the gap. An infinite gap means no obstacle.
     ///
     /// # Errors
-    /// If the length is not m, an entry is −∞ or not a number, or negative where the row of N has no entries.
+    /// If the length is not m, an entry is −∞ or not a number, negative where the row of N has no entries, or infinite where
+    /// the node is tied.
     pub fn with_gap(mut self, mut gap: Vec<f64>) -> Result<Self, ProblemError> {
         check::length("the gap d", &gap, self.m(), check::PER_NODE)?;
         check::gap(&mut gap)?;
         let is_tied: Vec<bool> = (0..self.m()).map(|i| self.is_tied(i)).collect();
         check::no_overlap_of_nothing(&gap, self.normal(), self.contact_compliance(), &is_tied)?;
         self.case.gap = gap;
-        Ok(self)
+        self.with_ties_to_something()
     }
 
     /// Another origin of slip, an entry per row of T: (3) holds for T u minus this origin.
@@ -505,12 +515,14 @@ impl<const D: usize, K> ContactProblem<D, K> {
         self.law(i) == SlipBound::Tied
     }
 
-    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body. A mean of
-    /// [`UNREACHABLE`] over a place may be rounded down; no other gap comes near it.
+    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body.
     pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
-        let m = self.m();
-        let node = node_of::<D>(m, row);
-        self.case.gap[node] >= 0.5 * UNREACHABLE
+        self.is_far(node_of::<D>(self.m(), row))
+    }
+
+    /// Whether the gap of contact node i is infinite.
+    fn is_far(&self, i: usize) -> bool {
+        is_infinite(self.case.gap[i])
     }
 
     /// Whether a law of friction acts on contact node i, or a tie: a slip bound, or a coefficient, above 0.

@@ -78,7 +78,7 @@ class Problem:
     compliance : array_like, (m + rows of T,); optional
         The diagonal of C in m/N, in the order of λν, then λτ: the contact itself deforms by C λ.
     tied : array_like of bool, (m,); optional
-        Which contact nodes hold together in every direction.
+        Which contact nodes hold together in every direction; their gaps have to be finite.
     dependent_rows : bool
         Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one facet
         of another.

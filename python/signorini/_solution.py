@@ -99,7 +99,7 @@ class Contact:
     traction_vectors : ndarray, (k, d)
         The whole traction along the axes, in Pa.
     gap : ndarray, (k,)
-        In m, after loading.
+        In m, after loading; inf where the stated gap is.
     slip : ndarray, (k, d − 1)
         Displacement against the other side, in m.
     wear : ndarray, (k,)

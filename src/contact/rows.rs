@@ -8,7 +8,7 @@ use super::{ContactError, ContactPlace, SlipBound, turn_tangents};
 use crate::elasticity::{Body, Unknowns};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Location, Mesh, Topology};
-use crate::problem::UNREACHABLE;
+use crate::problem::is_infinite;
 use crate::sparse::Csr;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -19,6 +19,10 @@ type Held = (u32, usize, f64);
 
 /// The cosine of the angle between directions in which supports hold nodes above which they count as one.
 const SAME_WAY: f64 = 1.0 - 1e-9;
+
+/// Sums of prescribed displacements below this part of the largest of them are the rounding of their directions, which
+/// files state with ten digits.
+const ROUNDED: f64 = 1e-9;
 
 /// If supports leave less than this part of a sliding free, it counts as none.
 const KEPT: f64 = 0.25;
@@ -57,7 +61,7 @@ pub struct ContactRows<const D: usize = 2> {
 /// count in [`ContactRows::gap`] and [`ContactRows::held_motion`]. A place whose normal motion is entirely prescribed
 /// has no row and is only checked ([`ContactRows::check`]), unless the contact is compliant. On a rigid obstacle a node
 /// gets an empty row in T where supports keep it from sliding along the tangent. It has no friction where no tangent is
-/// left. In space the tangents of a place that a support holds in one direction are turned so that the first is free of it.
+/// left. In space the tangents of a place that a support holds in one direction are turned so that one is free of it.
 ///
 /// # Errors
 /// If the normals of the hard rigid obstacles that a node meets are not independent.
@@ -83,7 +87,7 @@ where
     ElementKind: Topology<D>,
 {
     // Nor do those with an infinite gap.
-    let acts = |number: usize| acts(number) && candidates[number].gap < 0.5 * UNREACHABLE;
+    let acts = |number: usize| acts(number) && !is_infinite(candidates[number].gap);
     let (mut places, mut numbers, mut fixed) = (Vec::new(), Vec::new(), Vec::new());
     let mut fixed_ties = Vec::new();
     let mut rows: [Vec<Vec<Entry>>; 2] = Default::default();
@@ -286,8 +290,8 @@ where
     is_end || slides.abs() < KEPT * size
 }
 
-/// The place with its tangents turned, in space. The first is then perpendicular to the only direction in which
-/// supports hold all of its nodes: it is the direction left to slide along.
+/// The place with its tangents turned, in space. One is then perpendicular to the only direction in which supports hold
+/// all of its nodes: it is the direction left to slide along.
 pub(crate) fn turned<const D: usize>(
     place: &ContactPlace<D>,
     unknowns: &Unknowns<D>,
@@ -492,23 +496,21 @@ impl<const D: usize> ContactRows<D> {
         acts: impl Fn(usize) -> bool,
         stated: impl Fn(usize) -> Option<f64>,
     ) -> Result<(), ContactError> {
-        self.check_fixed(unknowns, acts, |gap, moved| 1e-9 * gap.max(moved.abs()))?;
+        self.check_fixed(unknowns, acts, |gap, size| ROUNDED * gap.max(size))?;
         for ([row, along], place, held) in &self.fixed_ties {
             let wanted = match along {
                 0 => stated(*row),
                 _ => Some(0.0),
             };
             let Some(wanted) = wanted else { continue };
-            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
             let apart = (motion(held, unknowns) - wanted).abs();
-            if apart > 1e-9 * terms.fold(wanted.abs(), f64::max) {
+            if apart > ROUNDED * size_of(held, unknowns).max(wanted.abs()) {
                 let place = place.clone();
                 return Err(ContactError::DrivenApart { place, apart });
             }
         }
         self.check_along_one(|_, held, rest| {
-            let terms = held.iter().map(|held| motion(&[*held], unknowns).abs());
-            motion(held, unknowns).abs() > rest * terms.fold(0.0, f64::max)
+            motion(held, unknowns).abs() > rest.max(ROUNDED) * size_of(held, unknowns)
         })
     }
 
@@ -526,7 +528,7 @@ impl<const D: usize> ContactRows<D> {
         })
     }
 
-    /// Those without a row, where penetration beyond a tolerance counts: of the gap and the motion that is prescribed.
+    /// Those without a row, where penetration beyond a tolerance counts: of the gap and the size of the prescribed motions.
     fn check_fixed(
         &self,
         unknowns: &Unknowns<D>,
@@ -536,7 +538,7 @@ impl<const D: usize> ContactRows<D> {
         for (_, place, gap, held) in self.fixed.iter().filter(|fixed| acts(fixed.0)) {
             let moved = motion(held, unknowns);
             let depth = moved - gap;
-            if depth > tolerance(*gap, moved) {
+            if depth > tolerance(*gap, size_of(held, unknowns)) {
                 let place = place.clone();
                 return Err(ContactError::Driven { place, depth });
             }
@@ -585,6 +587,12 @@ impl<const D: usize> ContactRows<D> {
             && self.slip_bound[row] == 0.0
             && self.coefficient[row] == 0.0
     }
+}
+
+/// The largest prescribed displacement in a row: that of its rounding.
+fn size_of<const D: usize>(held: &[Held], unknowns: &Unknowns<D>) -> f64 {
+    let prescribed = |&(node, c, _): &Held| unknowns.prescribed(node)[c].unwrap_or(0.0).abs();
+    held.iter().map(prescribed).fold(0.0, f64::max)
 }
 
 /// The contribution of prescribed displacements to a row.

@@ -558,6 +558,12 @@ where
     ) -> Result<Unknowns<D>, ModelError> {
         let factors = self.supports.iter().map(|s| self.factor(&s.factors, time));
         let factors: Vec<f64> = factors.collect();
+        // Values that are computed have the rounding of their terms, whose size others show.
+        let values = prescriptions
+            .all
+            .iter()
+            .map(|p| factors[p.support] * p.value);
+        let of_values = ROUNDING * values.map(f64::abs).fold(0.0, f64::max);
         let mut prescribed = vec![[None; D]; mesh.nodes.len()];
         for p in &prescriptions.all {
             let factor = factors[p.support];
@@ -567,7 +573,8 @@ where
                 dot(p.way.vector(), minus(turn.at(x, factor), x))
             });
             // A turn has the rounding of coordinates.
-            let rounding = turn.map_or(0.0, |turn| ROUNDING * (length(x) + length(turn.point)));
+            let of_turn = turn.map_or(0.0, |turn| ROUNDING * (length(x) + length(turn.point)));
+            let rounding = of_values.max(of_turn);
             let value = factor * p.value + turned;
             let here = &mut prescribed[p.node as usize];
             let place = Location::from(mesh.nodes[p.node as usize]);

@@ -5,7 +5,7 @@ use crate::contact::{Space, pooled};
 use crate::elasticity::{Deformed, Stress, Temperature, cauchy_stresses, stresses_at};
 use crate::mesh::{ElementKind, Topology};
 use crate::model::{Elastic, EntityKind, StepData};
-use crate::problem::ContactProblem;
+use crate::problem::{ContactProblem, is_infinite};
 use crate::quasistatic::StepSolution;
 use crate::sparse::add_times;
 use std::collections::HashMap;
@@ -77,7 +77,8 @@ impl NodeStatus {
 /// The fields at the m contact places, in the units of the case. Tangential fields have a component per node in the
 /// plane; in space those along the two tangents of a node are adjacent.
 pub struct ContactFields<const D: usize = 2> {
-    /// Gap after loading, d − Nu, length m; of compliant contact negative where it is pressed.
+    /// Gap after loading, d − Nu, length m; of compliant contact negative where it is pressed, and infinite where a place has
+    /// no other side.
     pub gap: Vec<f64>,
     /// Contact pressure λν / area, ≥ 0, length m: places with little area compared with the mesh are pooled with their
     /// neighbours ([`crate::contact::ContactPlace::pool`]), also in the tractions and bounds.
@@ -117,7 +118,10 @@ where
         let mut gap = problem.times(problem.normal(), &solution.u);
         let mut slip = problem.times(problem.tangential(), &solution.u);
         for (gap, before) in gap.iter_mut().zip(&data.load.gap) {
-            *gap = before - *gap;
+            *gap = match is_infinite(*before) {
+                true => f64::INFINITY,
+                false => before - *gap,
+            };
         }
         add_times(1.0, &solution.worn, &mut gap[..solution.worn.len()]);
         for (slip, of_supports) in slip.iter_mut().zip(&data.load.slide) {

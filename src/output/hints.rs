@@ -267,7 +267,9 @@ where
         let touching = contact.stick + contact.slip + contact.frictionless;
         if touching == 0 {
             let least = rows().map(|i| fields.gap[i]).fold(f64::INFINITY, f64::min);
-            hints.push(if least.is_infinite() {
+            hints.push(if least.is_infinite() && rows().next().is_some() {
+                format!("{name}: no node touches; every gap is infinite")
+            } else if least.is_infinite() {
                 format!(
                     "{name}: the sides are farther apart than the search distance {}",
                     units.long(pair.search_distance)

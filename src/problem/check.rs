@@ -152,6 +152,11 @@ pub enum ProblemError {
         "row {row} of N has no nonzero entry, so that no motion opens its gap of {gap:e}: that gap must be at least 0"
     )]
     ZeroRow { row: usize, gap: f64 },
+    /// A tie has nothing to hold to.
+    #[error(
+        "entry {row} of the gap d is infinite, which means that contact node {row} has no obstacle, but the node is tied: give it a          finite gap (0 where the sides meet), or do not tie it"
+    )]
+    TiedToNothing { row: usize },
     /// Two multipliers have the same effect.
     #[error(
         "rows {first} and {second} of (N; T) are parallel, so it has no full row rank: {name}. Leave one out, or set \
@@ -202,6 +207,7 @@ impl ProblemError {
             | Self::NegativeCompliance { row, .. }
             | Self::UnequalCompliance { node: row, .. }
             | Self::Area { row, .. }
+            | Self::TiedToNothing { row }
             | Self::ZeroRow { row, .. } => *row -= 1,
             Self::NotSymmetric {
                 row: first,
@@ -239,6 +245,11 @@ const SMALLEST: f64 = 1e-70;
 pub(crate) const LARGEST: f64 = 1e70;
 /// No displacement and no force in a valid computation reaches this: an infinite gap and an infinite slip bound become this.
 pub(crate) const UNREACHABLE: f64 = LARGEST / SMALLEST;
+
+/// Whether a gap is infinite. A mean of [`UNREACHABLE`] over a place may be rounded down; no other gap comes near it.
+pub(crate) fn is_infinite(gap: f64) -> bool {
+    gap >= 0.5 * UNREACHABLE
+}
 
 /// The remedy for others.
 pub(crate) const SIZES: &str =

@@ -8,8 +8,8 @@ use signorini::contact::Obstacle;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{self, SolidShape};
-use signorini::model::{Model, Pair, Support};
-use signorini::output::NodeStatus;
+use signorini::model::{Model, Pair, Support, Traction};
+use signorini::output::{ContactFields, NodeStatus};
 use signorini::ssnm::Status;
 
 const ROCK: &str = "[[material]]\nyoung = 1e9\npoisson = 0.3\n";
@@ -91,6 +91,95 @@ fn a_support_cannot_drive_a_node_into_a_floor() {
     ) + "[steps]\nfactors = [0.1, 0.2, 1]\n";
     let message = error(&text);
     assert!(message.contains("load step 3"), "{message}");
+}
+
+/// A clamped end slides along an inclined floor: what is left of its motion across that is rounding, whether the motion is
+/// stated along the axes, along the floor, or twice.
+#[test]
+fn a_support_may_drive_nodes_along_an_inclined_floor() {
+    for number in 0..60 {
+        let angle = 0.1 * f64::from(number);
+        let (sin, cos) = angle.sin_cos();
+        let turned = |x: [f64; 2]| [cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]];
+        let mut mesh = structured::rectangle(
+            [0.0; 2],
+            [1.5, 1.0],
+            [3, 2],
+            structured::CellShape::Quad,
+            "body",
+            "",
+        );
+        mesh.nodes.iter_mut().for_each(|x| *x = turned(*x));
+        let floor = Obstacle::HalfSpace {
+            point: [0.0; 2],
+            normal: [-sin, cos],
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e4, 0.3))
+            .traction(Traction::on("top").pressure(10.0))
+            .contact(Pair::obstacle("bottom", floor).coulomb(0.2));
+        let along_axes = Support::on("left").x(1e-4 * cos).y(1e-4 * sin);
+        let along_floor = Support::on("left")
+            .directed([[cos, sin], [-sin, cos]])
+            .x(1e-4)
+            .y(0.0);
+        let twice = Support::on("left").x(1e-4 * cos + 1e-20).y(1e-4 * sin);
+        for all in [
+            vec![along_axes.clone()],
+            vec![along_floor],
+            vec![along_axes, twice],
+        ] {
+            let model = all.into_iter().fold(model.clone(), Model::support);
+            model.build().or_panic();
+        }
+    }
+    // One value is zero but for rounding, and another support shows how much that is.
+    let text = block(
+        &(support("\"left\"", Some(1e-20), None) + &support("\"left\"", Some(0.0), Some(-1e-3))),
+        &on_floor("\"bottom\"", -0.005, ""),
+    );
+    case(&text).build().or_panic();
+}
+
+/// A place that has no other side has an infinite gap after loading, too, and hints leave it out.
+#[test]
+fn infinite_gaps_stay_infinite() {
+    for (gap, hint) in [
+        (f64::INFINITY, "every gap is infinite"),
+        (0.5, "the least gap left is"),
+    ] {
+        let mesh = structured::rectangle(
+            [0.0; 2],
+            [2.0, 1.0],
+            [4, 2],
+            structured::CellShape::Quad,
+            "body",
+            "",
+        );
+        let floor = Obstacle::HalfSpace {
+            point: [0.0; 2],
+            normal: [0.0, 1.0],
+        };
+        let far = move |x: [f64; 2]| if x[0] < 0.9 { f64::INFINITY } else { gap };
+        let model = Model::on(mesh)
+            .material(Material::new(1e4, 0.3))
+            .support(Support::on("left").x(0.0).y(0.0))
+            .traction(Traction::on("right").y(-1.0))
+            .contact(Pair::obstacle("bottom", floor).gap(far));
+        let found = answer(model, 1e-9, Stiffness::Cholesky);
+        let fields = ContactFields::new(
+            &found.built.problem,
+            &found.built.elastic,
+            &found.data,
+            &found.solution,
+        );
+        for (place, gap) in found.built.elastic.contact.places.iter().zip(fields.gap) {
+            assert_eq!(gap.is_infinite(), far(place.place).is_infinite(), "{gap}");
+        }
+        let hints = found.hints();
+        assert!(hints.iter().any(|told| told.contains(hint)), "{hints:?}");
+        assert!(hints.iter().all(|told| !told.contains("e140")), "{hints:?}");
+    }
 }
 
 /// A punch with its sides held and driven down, on a block: its corners are contact nodes that cannot move.

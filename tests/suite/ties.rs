@@ -11,6 +11,8 @@ use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle}
 use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Analysis, Model, Pair, Support, Traction};
 use signorini::output::{ContactFields, NodeStatus};
+use signorini::problem::{ContactData, ContactProblem, ProblemError};
+use signorini::sparse::{BlockCsr, Csr};
 
 const PATHS: [Stiffness; 2] = [Stiffness::Cholesky, Stiffness::Pcg];
 const YOUNG: f64 = 2e11;
@@ -427,4 +429,39 @@ fn seams_on_a_floor_with_friction() {
         join(part("a", 0.0, 3), part("b", 1.0, 3)),
     ];
     on_a_floor(bodies, |top| top.x(1e-4).y(-3e-4).z(-1e-2));
+}
+
+/// With matrices a tie has to hold to something, whichever of the two is stated first.
+#[test]
+fn a_tied_node_needs_a_finite_gap() {
+    let problem = |gap: f64| {
+        let row = |column: usize| Csr::from_triplets(1, 2, [(0, column, 1.0)]);
+        ContactProblem::<2>::new(ContactData {
+            stiffness: BlockCsr::from_triplets(2, 2, [(0, 0, 2.0), (1, 1, 2.0)]),
+            load: vec![1.0, 0.0],
+            normal: row(0),
+            tangential: row(1),
+            gap: vec![gap],
+            slip_bound: vec![0.0],
+            coordinates: None,
+        })
+        .or_panic()
+    };
+    let far = problem(f64::INFINITY);
+    let error = far
+        .clone()
+        .with_ties(&[true])
+        .expect_err("it has no obstacle");
+    assert_eq!(error, ProblemError::TiedToNothing { row: 1 });
+    let message = error.from_zero().to_string();
+    assert!(
+        message.contains("entry 0 of the gap d is infinite"),
+        "{message}"
+    );
+    let tied = problem(0.0).with_ties(&[true]).or_panic();
+    let error = tied
+        .with_gap(vec![f64::INFINITY])
+        .expect_err("it has no obstacle");
+    assert_eq!(error, ProblemError::TiedToNothing { row: 1 });
+    far.with_ties(&[false]).or_panic();
 }
