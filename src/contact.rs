@@ -36,6 +36,7 @@ use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Location, Mesh, Topology, bounds, facet_nodes};
 use crate::problem::{SIZES, is_sized};
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 /// A friction law on a contact boundary.
@@ -376,25 +377,27 @@ pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
     frame
 }
 
-/// Turns the tangents of a frame, in space, so that the first has no part in the only direction of a projector.
-fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]) {
-    let trace: f64 = (0..D).map(|c| onto[c][c]).sum();
-    if D != 3 || (trace - 1.0).abs() > 1e-9 {
-        return;
+/// Turns the tangents of a frame, in space, so that one has the most and one the least part in the directions of a
+/// projector, if they differ: along a direction in which supports hold, and across it. Of the quarter turns it takes the
+/// one nearest to the tangents before, so that neighbours that are held along different ones of the same directions have
+/// the same tangents. Whether a projector says how far.
+fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]) -> bool {
+    if D != 3 {
+        return false;
     }
     let [s, t] = [frame[1], frame[2]];
-    // The longest column of the projector is along the direction.
-    let way = (0..D)
-        .map(|c| onto[c])
-        .max_by(|a, b| length(*a).total_cmp(&length(*b)));
-    let way = way.map_or([0.0; D], unit);
-    let parts = [dot(way, s), dot(way, t)];
-    let length = parts[0].hypot(parts[1]);
-    if length > 0.0 {
-        let (cos, sin) = (parts[1] / length, parts[0] / length);
-        frame[1] = std::array::from_fn(|i| cos * s[i] - sin * t[i]);
-        frame[2] = std::array::from_fn(|i| sin * s[i] + cos * t[i]);
+    let part = |a: [f64; D], b: [f64; D]| dot(a, onto.map(|row| dot(row, b)));
+    let (cos, sin) = (part(s, s) - part(t, t), 2.0 * part(s, t));
+    // The projectors of directions that differ by rounding are the same.
+    if cos.hypot(sin) < 1e-9 {
+        return false;
     }
+    // An eighth of a turn is on the same side of the choice, whichever way rounding goes.
+    let quarters = 0.5 * sin.atan2(cos) / FRAC_PI_2;
+    let (sin, cos) = ((quarters - (quarters - 1e-6).round()) * FRAC_PI_2).sin_cos();
+    frame[1] = std::array::from_fn(|i| cos * s[i] + sin * t[i]);
+    frame[2] = std::array::from_fn(|i| cos * t[i] - sin * s[i]);
+    true
 }
 
 /// The requirements of elastic contact in D dimensions: `where ElementKind: Space<D>` states all of them.

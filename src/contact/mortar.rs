@@ -28,8 +28,10 @@
 //!   bend away; with βₕ there were more rows than the slave can follow. Where all are held, ψ = β ≥ 0. Along
 //!   tangents with friction a place that is free along its normal keeps its friction: ψₕ = βₕ. Each direction e has
 //!   its own ψ, and a row combines all of them with the weights (v·e)², where v is the normal or the tangent of the
-//!   facet. Facets of second order that are held along their normals have the places of their corners, with linear
-//!   β, as if they were covered in part. Reason: β of second order have both signs.
+//!   facet. The directions e are those of the supports, and the tangents are along them where they can be: the answer
+//!   turns with the bodies. Facets of second order that are held along their normals have the places of their corners,
+//!   with linear β, as if they were covered in part. Reason: β of second order have both signs. Ties may have them, and
+//!   keep β: without the held nodes there are as many rows as free nodes, and nodes that coincide move as one.
 //! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
 //!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
 //!   from node to node, on a plane for each facet of the slave.
@@ -55,7 +57,7 @@ use super::transformed::n_middles;
 use super::{ContactError, ContactPlace, Friction, PairOptions, frame, rounding, turn_tangents};
 use crate::dense;
 use crate::elasticity::{Body, Depth, Plane};
-use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Topology, bounds, facet_nodes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
@@ -91,6 +93,8 @@ pub struct SlaveFacet<const D: usize> {
     held: Vec<HeldAlong<D>>,
     /// Whether the bodies move: [`PairOptions::moves`].
     moves: bool,
+    /// Whether it is tied: its multipliers may have both signs.
+    is_tied: bool,
 }
 
 /// Directions along which the same nodes of a facet are held.
@@ -106,11 +110,7 @@ impl<const D: usize> HeldAlong<D> {
     /// The directions along which some of the nodes are held, if `ways` of a node are the unit vectors along which it is.
     fn of(nodes: &[u32], ways: &HashMap<u32, Vec<[f64; D]>>) -> Vec<Self> {
         let ways_of = |node: &u32| ways.get(node).map_or(&[][..], |ways| ways);
-        let axes: [[f64; D]; D] =
-            std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
-        let is_axis = |way: &[f64; D]| way.iter().any(|c| c.abs() > 1.0 - SAME);
-        let mut oblique = nodes.iter().flat_map(ways_of).filter(|way| !is_axis(way));
-        let basis = oblique.next().map_or(axes, |&way| frame(way));
+        let basis = basis_of(nodes.iter().flat_map(ways_of));
         let mut all: Vec<Self> = Vec::new();
         for way in basis {
             let mut held = [false; 9];
@@ -179,6 +179,33 @@ impl<const D: usize> HeldAlong<D> {
             })
             .collect()
     }
+}
+
+/// A basis from unit vectors, orthonormal: each next direction is what the others leave of the one that has most left.
+/// The axes complete it. So it turns with the vectors, and each that is perpendicular to all others is in it.
+fn basis_of<'a, const D: usize>(ways: impl Iterator<Item = &'a [f64; D]> + Clone) -> [[f64; D]; D] {
+    /// Vectors that leave less are within 30° of the directions before, where no two are perpendicular to each other.
+    const LEFT: f64 = 0.5;
+    let axes: [[f64; D]; D] =
+        std::array::from_fn(|a| std::array::from_fn(|c| f64::from(u8::from(a == c))));
+    let mut basis = axes;
+    for k in 0..D {
+        let left = |way: &[f64; D]| {
+            let before = basis[..k].iter();
+            before.fold(*way, |left, b| minus(left, b.map(|c| c * dot(*b, left))))
+        };
+        // The first of several that differ by rounding.
+        let longer = |most: [f64; D], left: [f64; D]| match length(left) > length(most) + SAME {
+            true => left,
+            false => most,
+        };
+        let of_ways = ways.clone().map(left).fold([0.0; D], longer);
+        basis[k] = unit(match length(of_ways) > LEFT {
+            true => of_ways,
+            false => axes.iter().map(left).fold([0.0; D], longer),
+        });
+    }
+    basis
 }
 
 /// A facet of the master boundary that the slave may meet.
@@ -446,6 +473,7 @@ where
             }
             let mut slave = SlaveFacet::new(body, &first, number);
             slave.moves = options.moves;
+            slave.is_tied = matches!(options.friction, Friction::Tied);
             if let Some(held) = options.held {
                 slave.held = HeldAlong::of(facet_nodes(&facets[number]), held);
             }
@@ -599,6 +627,7 @@ impl<const D: usize> SlaveFacet<D> {
             plane: body.plane,
             held: Vec::new(),
             moves: false,
+            is_tied: false,
         }
     }
 
@@ -611,14 +640,14 @@ impl<const D: usize> SlaveFacet<D> {
         }
     }
 
-    /// Whether it is of second order and held along its normal: its places are then at its corners, wherever it is
-    /// covered.
+    /// Whether it is of second order and held along its normal, and no tie: its places are then at its corners, wherever
+    /// it is covered.
     fn is_linear(&self) -> bool {
         let held = self.held.iter();
         let across: f64 = held
             .map(|held| HeldAlong::part(&held.onto, self.normal))
             .sum();
-        self.len > self.n_corners() && across > 0.5
+        self.len > self.n_corners() && across > 0.5 && !self.is_tied
     }
 
     /// The positions of its nodes.
@@ -723,7 +752,7 @@ struct Share<const D: usize> {
 /// The change of the integrals of a place by held directions.
 #[derive(Clone, Debug)]
 struct Change<const D: usize> {
-    /// The projector onto the held directions, if the same nodes are held in all of them.
+    /// The projector that turns the tangents: [`turn_tangents`].
     onto: Option<[[f64; D]; D]>,
     /// In the rows along ν and along each tangent.
     rows: [Integrals; D],
@@ -826,17 +855,12 @@ where
             let vertices = across.iter_mut().zip(of_vertices(held));
             vertices.for_each(|(sum, is)| *sum += part * f64::from(u8::from(is)));
         }
-        // Functions of second order have no place whose share could be passed on.
-        let hands_on = !cover.is_whole || slave.len == slave.n_corners();
-        let is_tied = matches!(options.friction, Friction::Tied);
+        // Functions of second order have no place whose share could be passed on, unless it may be of either sign.
+        let is_ring = !cover.is_whole || slave.len == slave.n_corners();
+        let hands_on = is_ring || slave.is_tied;
         let mut frame = frame(slave.normal);
-        let onto = match &slave.held[..] {
-            [only] => Some(only.onto),
-            _ => None,
-        };
-        if let Some(onto) = &onto {
-            turn_tangents(&mut frame, onto);
-        }
+        let mut ontos = slave.held.iter().map(|held| held.onto);
+        let onto = ontos.find(|onto| turn_tangents(&mut frame, onto));
         for held in &slave.held {
             let is_held = of_vertices(held);
             if !is_held.contains(&true) {
@@ -846,7 +870,7 @@ where
                 let all = is_held.iter().zip(&across);
                 all.map(|(&is_held, &across)| match is_held {
                     false => Role::Free,
-                    true if hands_on && (a == 0 || is_tied || across > 0.5) => Role::HandsOn,
+                    true if hands_on && (a == 0 || slave.is_tied || across > 0.5) => Role::HandsOn,
                     true => Role::Keeps,
                 })
                 .collect()
@@ -854,7 +878,7 @@ where
             // The same part at all places, so that their ψ add up to 1.
             let rows = (0..D).map(|a| (a, HeldAlong::part(&held.onto, frame[a])));
             for (a, part) in rows.filter(|row| row.1 > 0.0) {
-                let change = held_dual(&mass, &area, &role(a)) - &dual;
+                let change = held_dual(&mass, &area, &role(a), is_ring) - &dual;
                 for (i, share) in vertices.iter_mut().enumerate() {
                     let change_of = share.held.get_or_insert_with(|| Change {
                         onto,
@@ -966,12 +990,13 @@ enum Role {
     HandsOn,
 }
 
-/// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around the covered part.
+/// C of ψ = C β where some vertices are held: see the module. Vertices are in their order around the covered part if they
+/// are a ring, and a held one goes to those beside it; else to all.
 ///
 /// Where that leaves a vertex less than a part of its ∫ β (on no facet that meshes have), all keep theirs: the pressure of a
 /// place is its force by ∫ ψ.
-fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role]) -> Mat<f64> {
-    /// Of a rectangle with one held corner the opposite one keeps 2/3.
+fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role], is_ring: bool) -> Mat<f64> {
+    /// Of a rectangle with one held corner the opposite one keeps 2/3, of second order with a held edge each node 0.26.
     const KEEPS: f64 = 0.25;
     let n = area.len();
     let of_role = |role: Role| (0..n).filter(|&i| roles[i] == role).collect::<Vec<_>>();
@@ -985,7 +1010,7 @@ fn held_dual(mass: &Mat<f64>, area: &[f64], roles: &[Role]) -> Mat<f64> {
             let mut to: Vec<usize> = vec![(h + 1) % n, (h + n - 1) % n];
             to.retain(takes);
             to.dedup();
-            if to.is_empty() {
+            if to.is_empty() || !is_ring {
                 to = (0..n).filter(takes).collect();
             }
             to.iter()

@@ -7,10 +7,11 @@ use crate::common::{Random, distance};
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
-use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::reference::{CASE_C, MATERIAL};
+use std::f64::consts::FRAC_PI_4;
 
 /// The strip of the plane that the solids below extrude: crooked, clamped on the left, pressed down except at its end,
 /// which is pulled and lifted, with Tresca friction on its floor.
@@ -222,6 +223,69 @@ fn turning_the_problem_turns_the_answer() {
         );
         let steps = counts(&turned).0.abs_diff(counts(&upright).0);
         assert!(steps <= 2, "{:?} {:?}", counts(&turned), counts(&upright));
+    }
+}
+
+/// Nodes of a contact boundary that supports hold in one, two or all of three directions, which turn with the bodies: the
+/// same places, pressures and displacements.
+#[test]
+fn directions_of_supports_turn_with_the_bodies() {
+    let solve = |turn: &[Vector; 3], ways: &str, path| {
+        let box_of = |origin, size, cells, name: &str| {
+            let prefix = format!("{name}-");
+            block(origin, size, cells, SolidShape::Hexahedron, name, &prefix)
+        };
+        let mut mesh = join(
+            box_of([0.0; 3], [1.5, 1.0, 1.0], [2, 2, 1], "a"),
+            box_of([-0.2, -0.1, -0.6], [1.9, 1.2, 0.6], [3, 2, 1], "b"),
+        );
+        mesh.nodes.iter_mut().for_each(|x| *x = times(turn, *x));
+        // The end of the upper body, and one of its sides in one of these directions.
+        let held = |name: &str, ways: &str| {
+            let held = Support::on(name).directed(*turn);
+            ways.chars().fold(held, |held, way| match way {
+                'x' => held.x(0.0),
+                'y' => held.y(0.0),
+                _ => held.z(0.0),
+            })
+        };
+        let model = Model::on(mesh)
+            .material(Material::new(1e4, 0.3))
+            .support(Support::on("b-bottom").fixed())
+            .support(held("a-left", ways))
+            .traction(Traction::on("a-top").pressure(10.0))
+            .contact(Pair::new("a-bottom", "b-top").coulomb(0.2));
+        let model = match &ways[1..] {
+            "" => model,
+            others => model.support(held("a-front", others)),
+        };
+        answer(model, 1e-10, path)
+    };
+    for ways in ["xy", "x", "xz", "yz", "xyz"] {
+        let upright = solve(&UPRIGHT, ways, Stiffness::Cholesky);
+        let (m, u) = (upright.m(), upright.displacement());
+        let z = [0.0, 0.0, 1.0];
+        for (axis, angle) in [
+            (z, 0.3),
+            (z, 0.775),
+            (z, 1.2),
+            (z, FRAC_PI_4),
+            ([1.0, 2.0, -0.5], 0.7),
+        ] {
+            let turn = rotation(axis, angle);
+            let turned = solve(&turn, ways, Stiffness::Cholesky);
+            assert_eq!(turned.m(), m, "{ways}, {axis:?}, {angle}");
+            let expected: Vec<f64> = u.iter().flat_map(|&u| times(&turn, u)).collect();
+            let off = distance(turned.displacement().as_flattened(), &expected);
+            let pressures = [&upright, &turned]
+                .map(|answer| (0..m).map(|i| answer.pressure(i)).collect::<Vec<f64>>());
+            let off_pressure = distance(&pressures[1], &pressures[0]);
+            println!("{ways}, {axis:?}, {angle}: {off:.1e} {off_pressure:.1e}");
+            assert!(
+                off < 1e-7 && off_pressure < 1e-6,
+                "{off:e} {off_pressure:e}"
+            );
+        }
     }
 }
 

@@ -187,6 +187,115 @@ fn halves_with_nodes_that_meet_are_the_whole() {
     }
 }
 
+/// The same where supports hold nodes of both sides at an end of the tie, across it or along it, of either order.
+#[test]
+fn halves_with_held_nodes_are_the_whole() {
+    fn of<const D: usize>(
+        [low, up, whole]: [Mesh<D>; 3],
+        [sides, tops, bottoms]: [[&str; 3]; 3],
+        hold: impl Fn(Support<D>) -> Support<D>,
+    ) where
+        ElementKind: Space<D>,
+    {
+        let parts = join(low, up);
+        for raised in [false, true] {
+            let solve = |mesh: &Mesh<D>, is_whole: bool| {
+                let mesh = match raised {
+                    true => mesh.clone().raised().or_panic(),
+                    false => mesh.clone(),
+                };
+                let held: &[&str] = if is_whole { &sides[2..] } else { &sides[..2] };
+                let [top, bottom] = [tops, bottoms].map(|all| all[usize::from(is_whole)]);
+                let mut push = [0.0; D];
+                (push[0], push[D - 1]) = (300.0, -1000.0);
+                let model = Model::on(mesh)
+                    .material(Material::new(1e5, 0.3))
+                    .support(hold(Support::on(held)))
+                    .support(Support::on(bottom).fixed())
+                    .traction(Traction::on(top).force(push));
+                let model = match is_whole {
+                    true => model,
+                    false => model.tie(Pair::tied(tops[2], bottoms[2])),
+                };
+                let found = answer(model, 1e-11, Stiffness::Cholesky);
+                (found.built.elastic.mesh.nodes.clone(), found.displacement())
+            };
+            let (nodes, expected) = solve(&whole, true);
+            let size = expected
+                .as_flattened()
+                .iter()
+                .fold(0.0_f64, |most, u| most.max(u.abs()));
+            let (here, found) = solve(&parts, false);
+            let mut worst = 0.0_f64;
+            for (x, u) in here.iter().zip(found) {
+                let same = |y: &[f64; D]| (0..D).all(|c| (x[c] - y[c]).abs() < 1e-9);
+                let at = nodes.iter().position(same).expect("the node of the whole");
+                (0..D).for_each(|c| worst = worst.max((u[c] - expected[at][c]).abs()));
+            }
+            println!("{D} dimensions, raised {raised}: {:.1e}", worst / size);
+            assert!(worst < 1e-8 * size, "{D}, {raised}: {:e}", worst / size);
+        }
+    }
+    let holds: [fn(Support) -> Support; 3] = [|s| s.x(0.0), |s| s.y(0.0), |s| s.x(0.0).y(0.0)];
+    for shape in [CellShape::Quad, CellShape::Triangle] {
+        let part = |y: f64, height: f64, rows: usize, name: &str| {
+            let prefix = format!("{name}-");
+            rectangle([0.0, y], [2.0, height], [4, rows], shape, name, &prefix)
+        };
+        let all = || {
+            [
+                part(-1.0, 1.0, 2, "low"),
+                part(0.0, 1.0, 2, "up"),
+                part(-1.0, 2.0, 4, "all"),
+            ]
+        };
+        for hold in holds {
+            of(
+                all(),
+                [
+                    ["low-left", "up-left", "all-left"],
+                    ["up-top", "all-top", "low-top"],
+                    ["low-bottom", "all-bottom", "up-bottom"],
+                ],
+                hold,
+            );
+        }
+    }
+    let holds: [fn(Support<3>) -> Support<3>; 3] =
+        [|s| s.x(0.0), |s| s.z(0.0), |s| s.x(0.0).y(0.0).z(0.0)];
+    for shape in [SolidShape::Hexahedron, SolidShape::Tetrahedron] {
+        let part = |z: f64, height: f64, rows: usize, name: &str| {
+            let prefix = format!("{name}-");
+            block(
+                [0.0, 0.0, z],
+                [2.0, 1.0, height],
+                [2, 2, rows],
+                shape,
+                name,
+                &prefix,
+            )
+        };
+        let all = || {
+            [
+                part(-1.0, 1.0, 1, "low"),
+                part(0.0, 1.0, 1, "up"),
+                part(-1.0, 2.0, 2, "all"),
+            ]
+        };
+        for hold in holds {
+            of(
+                all(),
+                [
+                    ["low-left", "up-left", "all-left"],
+                    ["up-top", "all-top", "low-top"],
+                    ["low-bottom", "all-bottom", "up-bottom"],
+                ],
+                hold,
+            );
+        }
+    }
+}
+
 /// A tied foot on a floor with friction, in load steps: contact and ties in one problem, on both paths the same.
 #[test]
 fn beside_contact_with_friction() {

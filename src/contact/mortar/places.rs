@@ -410,9 +410,7 @@ impl<const D: usize> Sums<D> {
             onto: other.onto,
             rows: std::array::from_fn(|_| Integrals::default()),
         });
-        if held.onto != other.onto {
-            held.onto = None;
-        }
+        held.onto = held.onto.or(other.onto);
         let rows = held.rows.iter_mut().zip(&other.rows);
         rows.for_each(|(rows, other)| rows.add(part, other));
     }
