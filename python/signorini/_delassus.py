@@ -66,13 +66,17 @@ class DelassusSolution:
 
 def natural_map(impulses: Floats, velocities: Floats, friction: Floats) -> float:
     """‖r − P(r − (u + μ ‖u_t‖ n))‖ of rows of impulses and velocities, the normal component first."""
+    # Where μ is infinite, what is pressed does not slide, and neither term has a limit.
+    sticks = np.isinf(friction)
+    friction = np.where(sticks, 0.0, friction)
     slid = velocities.copy()
     slid[:, 0] += friction * np.linalg.norm(velocities[:, 1:], axis=1)
     moved = impulses - slid
     normal, along = moved[:, 0], np.linalg.norm(moved[:, 1:], axis=1)
     # Within the cone a point is its own projection, within the polar cone the tip is; other points go to the edge.
     edge = (normal + friction * along) / (1.0 + friction**2)
-    inside, tip = along <= friction * normal, friction * along <= -normal
+    inside = np.where(sticks, normal > 0.0, along <= friction * normal)
+    tip = sticks | (friction * along <= -normal)
     scale = np.divide(friction * edge, along, out=np.zeros_like(along), where=along > 0.0)
     projected = np.column_stack([edge, scale[:, None] * moved[:, 1:]])
     projected = np.where(inside[:, None], moved, np.where(tip[:, None], 0.0, projected))

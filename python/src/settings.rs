@@ -2,7 +2,7 @@
 
 use crate::errors::argument;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyInt, PyString};
 use signorini::backend::{GpuOptions, Precision};
 use signorini::engine::{Device, EngineOptions, Stiffness};
 use signorini::quasistatic::StepSettings;
@@ -32,10 +32,15 @@ fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(
     name: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<T> {
-    value.extract().map_err(|_| {
-        let kind = value.get_type();
-        argument(name, format!("expected a number, found {kind}"))
-    })
+    value
+        .extract()
+        .map_err(|_| match value.is_instance_of::<PyInt>() {
+            true => argument(name, format!("{value} is out of range")),
+            false => {
+                let kind = value.get_type();
+                argument(name, format!("expected a number, found {kind}"))
+            }
+        })
 }
 
 /// Applies the keywords for the engine and the settings of a solve; others stay as they are.

@@ -72,6 +72,12 @@ def test_a_ball_on_a_floor(q: list[float], mu: float, r: list[float], state: str
     np.testing.assert_allclose(many.impulses, np.tile(np.array(r) * 1e9, (10, 1)), atol=10.0)
 
 
+def test_infinite_friction() -> None:
+    solution = signorini.solve_delassus(2.0 * np.eye(4), [-1.0, 3.0, 1.0, 3.0], friction=np.inf, dimension=2)
+    np.testing.assert_allclose(solution.impulses, [[0.5, -1.5], [0.0, 0.0]], atol=1e-9)
+    assert solution.converged and solution.natural_map < 1e-9
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_rows_of_q_are_contacts_in_either_order(d: int) -> None:
     W, rows = np.diag(np.arange(1.0, 2 * d + 1)), np.array([[-1.0, 3.0, 0.5], [-2.0, 0.1, 1.0]])[:, :d]

@@ -215,7 +215,7 @@ WRONG = [
     ("precision", "f16", "precision: must be one of"),
     ("method", "newton", "method: must be one of"),
     ("time_limit", -1.0, "time_limit: must be a number of seconds"),
-    ("max_iterations", -1, "max_iterations"),
+    ("max_iterations", -1, "max_iterations: -1 is out of range"),
     ("colour", "red", "colour: no solve has such a setting"),
     ("callback", 3, "callback: expected a callable"),
 ]
