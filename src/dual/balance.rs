@@ -163,6 +163,17 @@ impl Balance {
         }
     }
 
+    /// The largest of the first m multipliers, the normal ones, on each body.
+    pub fn pressed(&self, lambda: &[f64], m: usize) -> Vec<f64> {
+        let mut most = vec![0.0_f64; self.shares.n_cols()];
+        for (i, &normal) in lambda[..m].iter().enumerate() {
+            for &body in self.shares.row(i).0 {
+                most[body as usize] = most[body as usize].max(normal);
+            }
+        }
+        most
+    }
+
     /// Motions.
     pub fn count(&self) -> usize {
         self.e.len()

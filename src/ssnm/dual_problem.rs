@@ -133,6 +133,14 @@ impl<'a, const D: usize> DualProblem<'a, D> {
         self.law.project::<D>(lambda, self.balance.as_deref());
     }
 
+    /// The largest normal multiplier on each body that can move as a whole.
+    pub fn pressed(&self, lambda: &[f64]) -> Vec<f64> {
+        let balance = self.balance.as_ref();
+        balance.map_or(Vec::new(), |balance| {
+            balance.pressed(lambda, self.problem.m())
+        })
+    }
+
     /// Gᵀα.
     pub fn spread(&self, motion: &[f64]) -> Option<Vec<f64>> {
         let balance = self.balance.as_ref()?;

@@ -9,6 +9,10 @@ use crate::rounding::ROUNDING;
 use crate::sparse::norm;
 use std::array::from_fn;
 
+/// Projected gradient steps with the bounds of the one before, from friction that holds everything: the second one has the bounds of
+/// pressures, the third those of pressures under such bounds.
+const FROM_ABOVE: usize = 3;
+
 /// Measures points by ρ = β/σ_max and by the sizes of displacements that products have shown so far.
 pub(super) struct Gauge<'a, const D: usize> {
     pub dual: &'a DualProblem<'a, D>,
@@ -16,6 +20,9 @@ pub(super) struct Gauge<'a, const D: usize> {
     pub sigma: f64,
     /// How far the bodies of each row of B had moved when u was last computed, without rigid-body motions; 0 before.
     pub moved: Vec<f64>,
+    /// The error at λ = 0 with the friction of what is squeezed there ([`Self::squeeze_of`]); 0 under given bounds, and where no body
+    /// can move as a whole.
+    pub squeeze: f64,
     /// The motion of each row of B by the rounding of forces, if they were the size of their terms, not scaled; empty
     /// before it counts.
     pub blur: Vec<f64>,
@@ -39,8 +46,31 @@ impl<const D: usize> Gauge<'_, D> {
     /// A projected gradient step of length ρ from a point, with the α that keeps the bodies in balance on it. The point
     /// is unchanged.
     pub fn step_from(&self, point: &Point, rho: f64) -> GradientStep {
-        let g = self.dual.bounds(&point.lambda);
-        gradient_step::<D>(point, rho, &g, self.dual.balance.as_deref())
+        self.step_under(point, rho, &self.dual.bounds(&point.lambda))
+    }
+
+    /// The same under given bounds.
+    fn step_under(&self, point: &Point, rho: f64, g: &[f64]) -> GradientStep {
+        gradient_step::<D>(point, rho, g, self.dual.balance.as_deref())
+    }
+
+    /// The end of a projected gradient step under Coulomb's law with the friction of its own pressures, where bodies can move as a
+    /// whole, and its length over ρ.
+    ///
+    /// The bounds at λ are those of its own pressures. A body that others squeeze and that bears nothing there may leave its place
+    /// without friction, however far, as soon as their normals are not quite parallel: then λ obeys all conditions, but no load that
+    /// grows from zero leads there. Here the bounds come from above: first friction holds everything, then what the pressures allow.
+    pub fn squeeze_of(&self, point: &Point) -> Option<(Vec<f64>, f64)> {
+        let dual = self.dual;
+        (dual.balance.as_ref()).filter(|_| dual.law.merit == Merit::Error)?;
+        let rho = self.rho();
+        let mut end = vec![f64::MAX; point.lambda.len()];
+        for _ in 0..FROM_ABOVE {
+            end = self.step_under(point, rho, &dual.law.bounds(&end)).end;
+        }
+        let length = distance(&point.lambda, &end);
+        dual.project(&mut end);
+        Some((end, length / rho))
     }
 
     /// err = ‖r̃_ρ(λ)‖, the reduced gradient (10) at a point of Λ, with its α.
@@ -61,9 +91,11 @@ impl<const D: usize> Gauge<'_, D> {
     }
 
     /// err⁰, taken at λ = 0 (at the least forces in balance) even for a warm start: a good start must not make the same
-    /// tolerance harder.
+    /// tolerance harder. Nor must places far away, where squeezed bodies bear nothing.
     pub fn first_error(&self, first: &Point) -> f64 {
-        self.error(first).max(self.rounding(first))
+        (self.error(first))
+            .max(self.rounding(first))
+            .max(self.squeeze)
     }
 
     /// ‖((Σⱼ Bᵢⱼ²/Kⱼⱼ + Cᵢᵢ) λᵢ)ᵢ‖: the effect of each force on its own node if nothing else moved. An err below this times ε is

@@ -76,6 +76,19 @@ impl Law {
         each.map(|(law, &normal)| law.disc(normal).g).collect()
     }
 
+    /// The law with the bounds at λ as given ones.
+    pub fn held_at(&self, lambda: &[f64]) -> Self {
+        let each = self.nodes.iter().zip(self.bounds(lambda));
+        let nodes = each.map(|(&law, g)| match law {
+            SlipBound::Tied => law,
+            _ => SlipBound::Given(g),
+        });
+        Self {
+            nodes: nodes.collect(),
+            merit: self.merit,
+        }
+    }
+
     /// Moves λ to a point that obeys the law and balances the bodies; a λ that already does so is unchanged.
     pub fn project<const D: usize>(&self, lambda: &mut Vec<f64>, balance: Option<&Balance>) {
         if balance.is_none() || self.merit == Merit::Error {

@@ -12,6 +12,10 @@ use crate::dual::DualError;
 use crate::rounding::{INDEPENDENT, ROUNDING};
 use crate::sparse::{add_times, difference, norm, norm_max};
 
+/// A step that lets a squeezed body go is made again under held bounds, as are the next ones until the error has fallen by this factor:
+/// after a single held step the next one often lets the body go again.
+const HELD: f64 = 0.1;
+
 /// The proposal of a subproblem.
 struct Proposal {
     /// Its solution y, with the r that the surrogate predicts.
@@ -38,14 +42,21 @@ pub(super) struct OnSurrogate {
     lowers_q: bool,
     /// The error when r was last recomputed for lack of progress.
     refreshed: Option<f64>,
+    /// Steps keep the slip bounds of their start above this error, since one was taken back that let squeezed bodies go; 0 before.
+    held_above: f64,
 }
 
 impl<const D: usize> Steps<D> for OnSurrogate {
     fn make(&mut self, newton: &mut Newton<D>, way: &mut Way<D>) -> Result<Made<D>, DualError> {
         let numbers = newton.dual.settings.numbers;
-        let proposal = newton.propose(way);
+        let proposal = newton.propose(way, self.held_above > 0.0 && way.err > self.held_above);
         let (before, err) = (way.point.clone(), way.err);
         newton.accept(way, &proposal)?;
+        if newton.lets_go(way, &before) {
+            self.held_above = HELD * err;
+            let apart = std::mem::replace(&mut way.point, before.clone());
+            way.apart.get_or_insert(apart);
+        }
         // An error below rounding lowers q only by chance.
         self.lowers_q = newton.dual.law.merit.falls(&before, &way.point)
             && err > newton.gauge.rounding(&before);
@@ -94,12 +105,12 @@ impl<const D: usize> Steps<D> for OnSurrogate {
 
 impl<const D: usize> Newton<'_, D> {
     /// Solves the problem from λᵏ with the known pairs of A.
-    fn propose(&self, way: &Way<D>) -> Proposal {
+    fn propose(&self, way: &Way<D>, holds: bool) -> Proposal {
         // If A itself makes no progress, the surrogate may: it has no τ that hides directions along which A is small.
         let known = self.known.as_ref().filter(|_| way.best.fruitless % 4 != 2);
         let proposal = match known {
             Some(known) => self.on_matrix(known, way),
-            None => self.on_surrogate(way),
+            None => self.on_surrogate(way, holds),
         };
         let is_convex = known.is_none() && self.dual.law.merit == Merit::Energy;
         if !is_convex || proposal.err < way.err || self.products.stop.now().is_some() {
@@ -113,6 +124,18 @@ impl<const D: usize> Newton<'_, D> {
             ..start
         };
         self.proposed(way, point, proposal.steps, [false, true])
+    }
+
+    /// Whether a step from a point has let a squeezed body go.
+    fn lets_go(&self, way: &Way<D>, before: &Point) -> bool {
+        if way.squeezed.is_empty() {
+            return false;
+        }
+        let [before, after] = [before, &way.point].map(|point| self.dual.pressed(&point.lambda));
+        let bodies = way.squeezed.iter().zip(before.iter().zip(after));
+        bodies.into_iter().any(|(&squeezed, (&before, after))| {
+            squeezed > 0.0 && before > 0.0 && after <= self.dual.settings.tolerance * before
+        })
     }
 
     /// The proposal of a point that has the r of λᵏ and its own motion.
@@ -172,9 +195,11 @@ impl<const D: usize> Newton<'_, D> {
         self.proposed(way, point, steps, [true, is_solved])
     }
 
-    /// On the surrogate, with shorter steps where the last ones made no progress.
-    fn on_surrogate(&self, way: &Way<D>) -> Proposal {
+    /// On the surrogate, with shorter steps where the last ones made no progress; if it `holds`, under the slip bounds of λᵏ.
+    fn on_surrogate(&self, way: &Way<D>, holds: bool) -> Proposal {
         let (surrogate, from, dual) = (&self.surrogate, &way.point, self.dual);
+        let held = holds.then(|| dual.law.held_at(&from.lambda));
+        let law = held.as_ref().unwrap_or(&dual.law);
         let (numbers, balance) = (dual.settings.numbers, dual.balance.as_deref());
         let base = surrogate.base();
         let mut tau = base * dual.law.merit.shortening(way.best.fruitless, &numbers);
@@ -182,7 +207,7 @@ impl<const D: usize> Newton<'_, D> {
         let solved = loop {
             let subproblem = Subproblem {
                 surrogate,
-                law: &dual.law,
+                law,
                 balance,
                 from,
                 stiffness: base + tau,
@@ -205,6 +230,9 @@ impl<const D: usize> Newton<'_, D> {
         };
         let mut point = from.clone();
         point.lambda.clone_from(&solved.lambda);
+        if holds {
+            dual.project(&mut point.lambda);
+        }
         if let Some(balance) = balance {
             dual.law.balance::<D>(&mut point.lambda, balance);
             let eta = solved.motion(surrogate);

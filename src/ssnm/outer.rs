@@ -23,6 +23,11 @@ pub(super) struct Way<const D: usize> {
     /// The point where err⁰ is computed, and err⁰.
     pub first: Point,
     pub err0: f64,
+    /// The largest normal multipliers on bodies that are squeezed at that point and bear nothing there; 0 on others. Empty if there are
+    /// none.
+    pub squeezed: Vec<f64>,
+    /// A point where squeezed bodies bear nothing, which may be a solution: steps look first for one that keeps them in place.
+    pub apart: Option<Point>,
     pub best: Best,
     /// The sets of the last step.
     pub sets: Option<Sets<D>>,
@@ -102,6 +107,9 @@ impl<const D: usize> Newton<'_, D> {
                 _ => {}
             }
             if let Some(status) = self.limit(way) {
+                if status == Status::IterationLimit && self.go_apart(way)? {
+                    continue;
+                }
                 break Ok(status);
             }
             // Steps 2 and 3.
@@ -112,13 +120,25 @@ impl<const D: usize> Newton<'_, D> {
             if observer(&made).is_break() {
                 break Ok(Status::Interrupted);
             }
-            if steps.turn_back(self, way)? {
+            if steps.turn_back(self, way)? && !self.go_apart(way)? {
                 return Ok(Status::Stagnated);
             }
         };
         // In the middle of a step the point need not be feasible.
         way.go_back();
         ended
+    }
+
+    /// Moves to where squeezed bodies bear nothing after steps have found no other solution; false if that is no better.
+    fn go_apart(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
+        let better = |apart: &mut Point| self.gauge.error(apart) < way.best.err;
+        let Some(apart) = way.apart.take_if(better) else {
+            return Ok(false);
+        };
+        way.point = apart;
+        self.refresh_exactly(way)?;
+        way.best = Best::new(&way.point, way.err);
+        Ok(true)
     }
 
     /// The reason not to make another step.
@@ -144,6 +164,8 @@ impl<const D: usize> Way<D> {
             best: Best::new(&first, 0.0),
             first,
             err0: 0.0,
+            squeezed: Vec::new(),
+            apart: None,
             sets: None,
             history: Vec::new(),
             first_met: None,

@@ -10,7 +10,7 @@ use super::scaling::Scaled;
 use super::{Method, RecycledSubspace};
 use crate::control::Stop;
 use crate::dual::{DualError, LARGEST_MATRIX, spectrum};
-use crate::sparse::{add_times, difference};
+use crate::sparse::{add_times, difference, norm_max};
 
 impl<'a, const D: usize> Newton<'a, D> {
     /// Before the first product.
@@ -40,6 +40,7 @@ impl<'a, const D: usize> Newton<'a, D> {
                 dual,
                 sigma: mean,
                 moved: vec![0.0; D * problem.m()],
+                squeeze: 0.0,
                 blur: Vec::new(),
             },
             products,
@@ -62,7 +63,9 @@ impl<'a, const D: usize> Newton<'a, D> {
         let found = self.find_sigma(recycled);
         let outcome = found.and_then(|products| {
             way.n_a_sigma = products;
-            self.start(way, initial)
+            self.start(way, initial)?;
+            self.measure(way);
+            self.keep_squeezed(way)
         });
         way.err0 = self.gauge.first_error(&way.first);
         outcome
@@ -115,20 +118,61 @@ impl<'a, const D: usize> Newton<'a, D> {
             let back = difference(&way.first.lambda, &way.point.lambda);
             way.first.r.clone_from(&way.point.r);
             add_times(1.0, &self.surrogate.times(&back), &mut way.first.r);
+            self.measure(way);
             let is_near = self.surrogate.len() > 0
-                || self.gauge.error(&way.point) <= growth * self.gauge.error(&way.first);
+                || self.gauge.error(&way.point) <= growth * self.gauge.first_error(&way.first);
             if is_near {
                 return Ok(());
             }
         }
         way.first.r = self.products.first(&way.first.lambda)?;
+        self.measure(way);
         way.point.clone_from(&way.first);
         self.move_to(&mut way.point, target)?;
         self.refresh(&mut way.point, 0.0)?;
         // Where loads have changed much, the start may be far worse than none.
-        if self.gauge.error(&way.point) > growth * self.gauge.error(&way.first) {
+        if self.gauge.error(&way.point) > growth * self.gauge.first_error(&way.first) {
             way.point.clone_from(&way.first);
             self.refresh(&mut way.point, 0.0)?;
+        }
+        Ok(())
+    }
+
+    /// Measures how much is squeezed at the point of err⁰.
+    fn measure(&mut self, way: &mut Way<D>) {
+        let Some((lambda, err)) = self.gauge.squeeze_of(&way.first) else {
+            return;
+        };
+        self.gauge.squeeze = err;
+        way.squeezed = self.more_pressed(&lambda, &way.first.lambda);
+    }
+
+    /// The largest normal multipliers on bodies that bear forces at `more` and none at `less`; empty if there are none.
+    fn more_pressed(&self, more: &[f64], less: &[f64]) -> Vec<f64> {
+        let [mut more, less] = [more, less].map(|lambda| self.dual.pressed(lambda));
+        let least = self.dual.settings.tolerance * norm_max(&more);
+        for (more, less) in more.iter_mut().zip(less) {
+            if less > least || *more <= least {
+                *more = 0.0;
+            }
+        }
+        match norm_max(&more) > 0.0 {
+            true => more,
+            false => Vec::new(),
+        }
+    }
+
+    /// Leaves a start where squeezed bodies bear nothing, if that seems to be a solution, for the forces that squeeze them.
+    fn keep_squeezed(&mut self, way: &mut Way<D>) -> Result<(), DualError> {
+        let (dual, gauge) = (self.dual, &self.gauge);
+        let Some((squeezed, err)) = gauge.squeeze_of(&way.point) else {
+            return Ok(());
+        };
+        let met = dual.settings.tolerance * gauge.first_error(&way.first);
+        let seems = err > dual.settings.numbers.growth * gauge.error(&way.point).max(met);
+        if seems && !self.more_pressed(&squeezed, &way.point.lambda).is_empty() {
+            way.apart = Some(way.point.clone());
+            self.move_to(&mut way.point, squeezed)?;
         }
         Ok(())
     }

@@ -2,12 +2,13 @@
 
 use super::elements::{cross, length, minus, plus, turned};
 use super::{End, neo_hooke, solved, strain, works};
+use signorini::contact::Obstacle;
 use signorini::elasticity::{Hyperelastic, Material, Plane};
-use signorini::engine::Stiffness::Cholesky;
+use signorini::engine::Stiffness::{self, Cholesky, Pcg};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, join, rectangle};
 use signorini::mesh::{Element, MeshParts};
-use signorini::model::{Axis, Model, Pair, Support};
+use signorini::model::{Axis, Model, Pair, Support, Traction};
 use signorini::ssnm::Status;
 use std::f64::consts::PI;
 
@@ -72,6 +73,82 @@ fn a_shaft_is_pushed_into_a_bore() {
     for beyond in &beyond[..19] {
         assert!((beyond - 0.0213).abs() < 2e-3, "{beyond:?}");
     }
+}
+
+/// A cantilever that a pressure bends down holds a block without load on a rough floor; where their common face slopes, friction does.
+/// Without friction the block would leave its place, and without friction enough it does. So it is beside a block that a pressure holds,
+/// where the cantilever bends in the second load step.
+#[test]
+fn squeezed_blocks_stay_in_place() {
+    let model = |slope: f64, coulomb: [f64; 2], beside: bool| {
+        let mut beam = part([0.0, 0.0], [2.0, 1.0], [4, 2], "beam");
+        let mut block = part([-0.6, -0.7], [2.4, 0.7], [3, 3], "block");
+        (beam.nodes.iter_mut()).for_each(|x| x[1] += slope * x[0] * (1.0 - x[1]));
+        (block.nodes.iter_mut()).for_each(|x| x[1] += slope * x[0] * (x[1] / 0.7 + 1.0));
+        let floor = Obstacle::HalfSpace {
+            point: [0.0, -0.7],
+            normal: [0.0, 1.0],
+        };
+        let stone = part([5.0, -0.7], [1.0, 0.7], [2, 2], "stone");
+        let mesh = join(beam, block);
+        let on = |top: &str, pressure: f64| Traction::on(top).pressure(pressure);
+        let floor = |bottom: &str| Pair::obstacle(bottom, floor).coulomb(coulomb[1]);
+        let model = Model::on(if beside { join(mesh, stone) } else { mesh })
+            .material(Material::new(3e5, 0.0))
+            .support(Support::on("beam-left").x(0.0).y(0.0))
+            .contact(Pair::new("beam-bottom", "block-top").coulomb(coulomb[0]))
+            .contact(floor("block-bottom"));
+        if !beside {
+            return model.traction(on("beam-top", 12.0));
+        }
+        model
+            .contact(floor("stone-bottom"))
+            .traction(on("beam-top", 12.0).factors([0.0, 1.0]))
+            .traction(on("stone-top", 5.0).factors([1.0, 1.0]))
+            .steps([1.0, 1.0])
+    };
+    // Of the pair and of the floor, on the bodies.
+    let held = |model: Model, stiffness: Stiffness| -> [[f64; 2]; 2] {
+        let ends = solved(model, 1e-8, stiffness);
+        let end = ends.last().expect("a load step");
+        assert_eq!(end.status, Status::Converged);
+        let contacts = &end.report.contacts;
+        [0, 1].map(|i| [contacts[i].force[0], contacts[i].force[1]])
+    };
+    for (slope, beside) in [
+        (0.0, false),
+        (1e-6, false),
+        (1e-4, false),
+        (0.1, false),
+        (-1e-4, false),
+        (-1e-2, false),
+        (1e-3, true),
+        (0.05, true),
+        (-0.05, true),
+    ] {
+        for stiffness in [Cholesky, Pcg] {
+            let small = held(model(slope, [0.2, 0.4], beside), stiffness);
+            let large = model(slope, [0.2, 0.4], beside).large_displacements();
+            let large = held(large, stiffness);
+            println!("{slope}: {small:?} {large:?}");
+            for forces in [small, large] {
+                let [pair, floor] = forces;
+                assert!((pair[1] - 16.5).abs() < 0.5, "{slope}: {pair:?}");
+                // The block is in balance between them.
+                assert!(
+                    length(minus(pair, floor)) < 1e-5,
+                    "{slope}: {pair:?} {floor:?}"
+                );
+            }
+            assert!(
+                length(minus(small[0], large[0])) < 0.02,
+                "{slope}: {small:?} {large:?}"
+            );
+        }
+    }
+    // A wedge of 5.7° between frictions of 1.1° each.
+    let [pair, _] = held(model(0.1, [0.02, 0.02], false), Cholesky);
+    assert_eq!(pair, [0.0, 0.0]);
 }
 
 /// Joins nodes at one place.
