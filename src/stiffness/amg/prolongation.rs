@@ -8,9 +8,8 @@ use crate::sparse::{BlockCsr, ROWS_PER_TASK, collect_rows, vectorised};
 use rayon::prelude::*;
 
 /// A column that keeps less than this part of its norm when the columns before it are projected out
-/// depends on them. So does the rotation of nodes that lie nearly on a line about it: made a column of length one, it would be a
-/// rotation so large that rounding of PᵀAP hides all others, and the next level looks singular (nodes 1e-8 off a line did).
-const RANK_TOLERANCE: f64 = 1e-2;
+/// depends on them.
+const RANK_TOLERANCE: f64 = 1e-8;
 
 /// The values of M modes at one node with B components.
 pub(super) type Modes<const B: usize, const M: usize> = [[f64; M]; B];
