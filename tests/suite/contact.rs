@@ -133,7 +133,7 @@ fn a_support_may_drive_nodes_along_an_inclined_floor() {
             model.build().or_panic();
         }
     }
-    // One value is zero but for rounding, and another support shows how much that is.
+    // One value is the rounding of zero. The value of another support shows the size of that rounding.
     let text = block(
         &(support("\"left\"", Some(1e-20), None) + &support("\"left\"", Some(0.0), Some(-1e-3))),
         &on_floor("\"bottom\"", -0.005, ""),
