@@ -379,8 +379,7 @@ pub fn frame<const D: usize>(normal: [f64; D]) -> [[f64; D]; D] {
 
 /// Turns the tangents of a frame, in space, so that one has the most and one the least part in the directions of a
 /// projector, if they differ: along a direction in which supports hold, and across it. Of the quarter turns it takes the
-/// one nearest to the tangents before, so that neighbours that are held along different ones of the same directions have
-/// the same tangents. Whether a projector says how far.
+/// one nearest to the tangents before. Whether a projector says how far.
 fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]) -> bool {
     if D != 3 {
         return false;
@@ -398,6 +397,19 @@ fn turn_tangents<const D: usize>(frame: &mut [[f64; D]; D], onto: &[[f64; D]; D]
     frame[1] = std::array::from_fn(|i| cos * s[i] + sin * t[i]);
     frame[2] = std::array::from_fn(|i| cos * t[i] - sin * s[i]);
     true
+}
+
+/// Turns the tangents of a frame, in space, by the quarter turn that brings the first one nearest to that of another.
+fn match_tangents<const D: usize>(frame: &mut [[f64; D]; D], other: &[[f64; D]; D]) {
+    if is_quarter_off(frame, other) {
+        let [s, t] = [frame[1], frame[2]];
+        [frame[1], frame[2]] = [t, s.map(|c| -c)];
+    }
+}
+
+/// Whether each tangent of a frame in space is nearer to the other tangent of another frame.
+fn is_quarter_off<const D: usize>(frame: &[[f64; D]; D], other: &[[f64; D]; D]) -> bool {
+    D == 3 && dot(frame[1], other[1]).abs() < dot(frame[2], other[1]).abs()
 }
 
 /// The requirements of elastic contact in D dimensions: `where ElementKind: Space<D>` states all of them.

@@ -754,6 +754,8 @@ struct Share<const D: usize> {
 struct Change<const D: usize> {
     /// The projector that turns the tangents: [`turn_tangents`].
     onto: Option<[[f64; D]; D]>,
+    /// The directions of the rows.
+    frame: [[f64; D]; D],
     /// In the rows along ν and along each tangent.
     rows: [Integrals; D],
 }
@@ -882,6 +884,7 @@ where
                 for (i, share) in vertices.iter_mut().enumerate() {
                     let change_of = share.held.get_or_insert_with(|| Change {
                         onto,
+                        frame,
                         rows: std::array::from_fn(|_| Integrals::default()),
                     });
                     let sums = &mut change_of.rows[a];

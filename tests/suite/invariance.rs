@@ -11,7 +11,7 @@ use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle}
 use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use signorini::reference::{CASE_C, MATERIAL};
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_PI_4, PI};
 
 /// The strip of the plane that the solids below extrude: crooked, clamped on the left, pressed down except at its end,
 /// which is pulled and lifted, with Tresca friction on its floor.
@@ -285,6 +285,58 @@ fn directions_of_supports_turn_with_the_bodies() {
                 off < 1e-7 && off_pressure < 1e-6,
                 "{off:e} {off_pressure:e}"
             );
+        }
+    }
+}
+
+/// A half of a ring pressed on another one, with friction, which planes of symmetry hold at their ends and below: the same
+/// whichever way the axis points, and on both sides of the middle.
+#[test]
+fn rings_with_friction_turn_with_their_axis() {
+    let ring = |name: &str, low: f64, high: f64| {
+        let (cells, prefix) = ([1, 8, 1], format!("{name}-"));
+        let shape = SolidShape::Hexahedron;
+        let mut mesh = block([0.0; 3], [1.0, 1.0, 0.5], cells, shape, name, &prefix);
+        for [x, y, _] in &mut mesh.nodes {
+            let (r, (sin, cos)) = (low + (high - low) * *x, (PI * *y).sin_cos());
+            (*x, *y) = (r * cos, r * sin);
+        }
+        mesh
+    };
+    let upright = join(ring("in", 0.5, 1.0), ring("out", 1.0, 1.6));
+    let planes = ["front", "back", "bottom"];
+    let planes = ["in", "out"].map(|name| planes.map(|plane| format!("{name}-{plane}")));
+    let solve = |turn: &[Vector; 3], slave: &str, master: &str| {
+        let mut mesh = upright.clone();
+        mesh.nodes.iter_mut().for_each(|x| *x = times(turn, *x));
+        let model = Model::on(mesh)
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("in-left").fixed())
+            .support(Support::on(planes.concat()).symmetry())
+            .contact(Pair::new(slave, master).interference(0.02).coulomb(0.3));
+        answer(model, 1e-10, Stiffness::Cholesky)
+    };
+    let [x, y, z] = UPRIGHT;
+    for (slave, master) in [("out-left", "in-right"), ("in-right", "out-left")] {
+        let base = solve(&[y, z, x], slave, master);
+        let u: Vec<Vector> = (base.displacement().iter())
+            .map(|u| [u[1], u[2], u[0]])
+            .collect();
+        // Nodes go along the radius, then around, in two layers of each body.
+        let across = |i: usize| i / 18 * 18 + (8 - i % 18 / 2) * 2 + i % 2;
+        let mirrored = |i: usize| {
+            let [x, y, z] = u[across(i)];
+            [-x, y, z]
+        };
+        let mirrored: Vec<f64> = (0..u.len()).flat_map(mirrored).collect();
+        let off = distance(&mirrored, u.as_flattened());
+        assert!(off < 1e-7, "{slave}: {off:e}");
+        for turn in [UPRIGHT, [z, x, y], rotation([1.0, 2.0, -0.5], 0.7)] {
+            let turned = solve(&turn, slave, master);
+            let expected: Vec<f64> = u.iter().flat_map(|&u| times(&turn, u)).collect();
+            let off = distance(turned.displacement().as_flattened(), &expected);
+            println!("{turn:?}, {slave}: {off:.1e}");
+            assert!(off < 1e-7, "{turn:?}, {slave}: {off:e}");
         }
     }
 }

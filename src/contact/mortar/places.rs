@@ -4,7 +4,8 @@ use super::surface::Surface;
 use super::{Change, FacetShares, Integrals, Mortar, Share, Shares, Site, add_to};
 use crate::contact::transformed::Transformed;
 use crate::contact::{
-    ContactError, ContactPlace, Friction, PairOptions, checked, frame, mean, turn_tangents,
+    ContactError, ContactPlace, Friction, PairOptions, checked, frame, is_quarter_off,
+    match_tangents, mean, turn_tangents,
 };
 use crate::dense;
 use crate::elasticity::{Body, Depth, Plane};
@@ -408,11 +409,18 @@ impl<const D: usize> Sums<D> {
         let Some(other) = other else { return };
         let held = self.held.get_or_insert_with(|| Change {
             onto: other.onto,
+            frame: other.frame,
             rows: std::array::from_fn(|_| Integrals::default()),
         });
-        held.onto = held.onto.or(other.onto);
-        let rows = held.rows.iter_mut().zip(&other.rows);
-        rows.for_each(|(rows, other)| rows.add(part, other));
+        if held.onto.is_none() {
+            (held.onto, held.frame) = (other.onto, other.frame);
+        }
+        // The tangents of neighbours on a curved boundary may be in another order.
+        let is_off = is_quarter_off(&other.frame, &held.frame);
+        for (a, rows) in other.rows.iter().enumerate() {
+            let there = if is_off && a > 0 { D - a } else { a };
+            held.rows[there].add(part, rows);
+        }
     }
 
     /// The integrals of ψ where nothing is held.
@@ -518,8 +526,9 @@ impl<const D: usize> Sums<D> {
         let normal = unit(minus(outward, facing.map(|c| c / self.area)));
         let normal = options.within_planes(normal, &nodes);
         let mut frame = frame(normal);
-        if let Some(onto) = self.held.as_ref().and_then(|held| held.onto.as_ref()) {
-            turn_tangents(&mut frame, onto);
+        if let Some(held) = &self.held {
+            held.onto.map(|onto| turn_tangents(&mut frame, &onto));
+            match_tangents(&mut frame, &held.frame);
         }
         // The sides of a row along a direction of the frame, and the mean position of its own side.
         let sides = |sums: &Integrals| {
