@@ -337,7 +337,7 @@ impl<S: Real> Hierarchy<S> {
     }
 
     /// Like [`Hierarchy::new`]; for second-order elements the level below the first is that of their corners, and
-    /// aggregation begins there.
+    /// aggregation begins there, unless elements are stretched.
     pub fn of_second_order<const D: usize>(
         k: &BlockCsr<D>,
         coordinates: Option<&[[f64; D]]>,

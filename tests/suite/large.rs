@@ -345,6 +345,20 @@ fn a_straight_column_is_told_as_unstable() {
     }
 }
 
+/// A thin plate whose corners are aggregated along lines: after it has moved they are 1e-8 off them.
+#[test]
+fn a_plate_is_stable_by_pcg() {
+    let shape = SolidShape::Tetrahedron;
+    let mesh = block([0.0; 3], [1.0, 1.0, 0.1], [4, 4, 2], shape, "plate", "");
+    let model = Model::on(mesh.raised().expect("no pyramids"))
+        .large_displacements()
+        .material(Material::new(1e9, 0.3))
+        .support(Support::on("left").x(0.0).y(0.0).z(0.0))
+        .traction(Traction::on("top").z(-100.0));
+    let ends = solved_in_space(model, 1e-6, Stiffness::Pcg);
+    assert_eq!(ends[0].status, Status::Converged);
+}
+
 /// A beam is bent by a follower pressure and by a ball in space: the same from the mesh and from its mirror image.
 #[test]
 fn a_plate_meets_a_ball_in_space() {

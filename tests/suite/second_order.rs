@@ -490,6 +490,44 @@ fn iterations_of_a_linear_solve() {
     }
 }
 
+/// Iterations of PCG to 1e-8 on cells of aspect ratios up to 13: 15, 29, 15; 43, 41, 45 with the corners as the second level.
+#[test]
+fn iterations_on_stretched_cells() {
+    for (name, shape, order, most) in [
+        ("hex27", SolidShape::Hexahedron, Order::Lagrange, 17),
+        ("hex20", SolidShape::Hexahedron, Order::Serendipity, 31),
+        ("tet10", SolidShape::Tetrahedron, Order::Lagrange, 17),
+    ] {
+        let mut mesh = block(
+            [-1.0, -1.0, 0.0],
+            [2.0, 2.0, 1.0],
+            [12, 12, 6],
+            shape,
+            "body",
+            "",
+        );
+        let map = |x: f64| 0.2 * x + 0.8 * x * x * x;
+        mesh.nodes.iter_mut().for_each(|x| *x = x.map(map));
+        let mesh = of_order(mesh, order);
+        let body = Body {
+            mesh: &mesh,
+            materials: &[Material::new(2e11, 0.3)],
+            plane: Plane::PlaneStrain,
+            thickness: 1.0,
+        };
+        let held = |x: &[f64; 3]| [(x[2] > 1.0 - 1e-9).then_some(0.0); 3];
+        let mut forces = vec![[0.0; 3]; mesh.nodes.len()];
+        body.add_traction(
+            &mesh.boundaries["bottom"],
+            |_, _| [1e6, 2e6, -1e7],
+            &mut forces,
+        );
+        let solved = solve(&body, mesh.nodes.iter().map(held).collect(), &forces, 1e-8);
+        println!("{name}: n = {}, {} iterations", solved.n, solved.iterations);
+        assert!(solved.iterations <= most, "{name}: {}", solved.iterations);
+    }
+}
+
 /// Reference case C with as many contact nodes of either order: products and V-cycles. (12 products of first order, 15 of
 /// second; 13 and 16, 14 and 17 on finer meshes.)
 #[test]

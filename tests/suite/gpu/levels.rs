@@ -293,6 +293,7 @@ fn multigrid_on_vectors_in_pieces() {
         let (whole, iterations) = product(None);
         // Some 600 unknowns a segment, which the coarsest level fits into.
         let (pieces, iterations_there) = product(Some(24 << 10));
+        println!("{iterations} iterations, {iterations_there} in pieces");
         assert!(iterations.abs_diff(iterations_there) <= 1);
         assert!(crate::common::distance(&pieces, &whole) < 1e-9);
     }
