@@ -25,6 +25,7 @@ mod decks_names;
 mod elastic;
 mod equal;
 mod export;
+mod far;
 mod foundations;
 mod gmsh;
 mod gpu;

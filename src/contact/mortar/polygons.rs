@@ -19,6 +19,32 @@ use std::f64::consts::PI;
 
 type Polygon = Vec<Flat>;
 
+/// A polygon without the corners that clipping makes where it has none: twice the same, or on an edge.
+fn cornered(polygon: &[Flat]) -> Polygon {
+    let least = SAME * area(polygon);
+    let mut corners = polygon.to_vec();
+    let mut k = 0;
+    while k < corners.len() && corners.len() > 3 {
+        let n = corners.len();
+        match turn(corners[(k + n - 1) % n], corners[k], corners[(k + 1) % n]).abs() > least {
+            true => k += 1,
+            false => drop(corners.remove(k)),
+        }
+    }
+    corners
+}
+
+/// The centre of the area.
+fn centroid(polygon: &[Flat]) -> Flat {
+    let a = polygon[0];
+    let mut sum = [0.0; 2];
+    for bc in polygon.windows(2).skip(1) {
+        let part = turn(a, bc[0], bc[1]);
+        (0..2).for_each(|c| sum[c] += part * (bc[0][c] - a[c] + bc[1][c] - a[c]));
+    }
+    [0, 1].map(|c| a[c] + sum[c] / (6.0 * area(polygon)))
+}
+
 /// The mean of the corners.
 fn middle(polygon: &[Flat]) -> Flat {
     let sum = |c: usize| polygon.iter().map(|x| x[c]).sum::<f64>();
@@ -412,7 +438,10 @@ pub(super) fn covers(
             };
             for piece in pieces {
                 let other = &seen[piece.other];
-                each_point(&piece.polygon, rule(&own, other), |p, weight| {
+                // Barycentric functions are no polynomials, nor are shape functions between curved edges.
+                let from_centre = !is_whole || !(own.is_straight() && other.is_straight());
+                let rule = rule(&own, other);
+                each_point(&piece.polygon, rule, from_centre, |p, weight| {
                     let here = own.at(p);
                     let there = other.at(p);
                     let mut point = IntegrationPoint {
@@ -512,13 +541,17 @@ fn places(
         if let Some(at) = outline.iter().position(|&p| near(p, v, same)) {
             return Site::Node(ring[at]);
         }
-        let off = edges(outline).map(|(a, b)| (turn(a, b, v) / length(minus(b, a))).abs());
-        let Some((edge, _)) = off.enumerate().find(|(_, off)| *off <= same) else {
+        // Both halves of an edge with a node in the middle are on one line.
+        let off = edges(outline).map(|(a, b)| {
+            let (along, to) = (minus(b, a), minus(v, a));
+            let part =
+                (to[0] * along[0] + to[1] * along[1]) / (along[0].powi(2) + along[1].powi(2));
+            let part = part.clamp(0.0, 1.0);
+            (length([0, 1].map(|c| to[c] - part * along[c])), part)
+        });
+        let Some((edge, (_, part))) = off.enumerate().find(|(_, (off, _))| *off <= same) else {
             return Site::Inside;
         };
-        let (a, b) = (outline[edge], outline[(edge + 1) % outline.len()]);
-        let (along, to) = (minus(b, a), minus(v, a));
-        let part = (to[0] * along[0] + to[1] * along[1]) / (along[0].powi(2) + along[1].powi(2));
         Site::Edge([ring[edge], ring[(edge + 1) % ring.len()]], part)
     };
     let sites = hull.vertices.iter().map(site).collect();
@@ -592,25 +625,31 @@ fn rule(own: &Seen, other: &Seen) -> Rule {
     }
 }
 
-/// Integration points of a polygon with their weights, by triangles from its first corner.
-fn each_point(polygon: &[Flat], rule: Rule, mut take: impl FnMut(Flat, f64)) {
+/// Integration points of a polygon with their weights, by triangles from its first corner or, `from_centre`, from the centre. A rule that
+/// is not exact gives the same there, whichever corner of its facet is counted first.
+fn each_point(polygon: &[Flat], rule: Rule, from_centre: bool, mut take: impl FnMut(Flat, f64)) {
     let on_line: &[(f64, f64)] = match rule {
         Rule::Six => &[],
         Rule::Square5 => &LINE5,
         Rule::Square8 => &LINE8,
     };
     let unit = |x: f64| 0.5 + 0.5 * x;
-    let a = polygon[0];
-    for bc in polygon.windows(2).skip(1) {
-        let [b, c] = [bc[0], bc[1]];
+    let (polygon, a) = match from_centre {
+        true => (cornered(polygon), centroid(polygon)),
+        false => (polygon.to_vec(), polygon[0]),
+    };
+    for (b, c) in edges(&polygon) {
         let area = 0.5 * turn(a, b, c);
+        if area == 0.0 {
+            continue;
+        }
         let at = |[r, s, t]: [f64; 3]| [0, 1].map(|k| r * a[k] + s * b[k] + t * c[k]);
         if rule == Rule::Six {
             for (corners, weight) in triangle_points() {
                 take(at(corners), area * weight);
             }
         }
-        // On a square with one side collapsed to the first corner.
+        // On a square with one side collapsed to that corner.
         for (along, weight) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
             for (across, other) in on_line.iter().map(|&(x, weight)| (unit(x), weight)) {
                 let corners = [1.0 - along, along * (1.0 - across), along * across];
