@@ -27,7 +27,7 @@ use super::{
     Body, Dilatation, Hyperelastic, Material, Moduli, Plane, Stress, Temperature, Unknowns,
 };
 use crate::dense::symmetric_eigen;
-use crate::mesh::shape::{Point, cofactors, sum, tangents};
+use crate::mesh::shape::{Point, cofactors, derivatives, sum, tangents};
 use crate::mesh::vector::dot;
 use crate::mesh::{self, ElementKind, Mesh, ShapeFunctions, Topology, Visit};
 use crate::sparse::BlockCsr;
@@ -199,7 +199,8 @@ impl Law {
         let mut moved = tangents(&gradient, &step.nodes);
         let moved_across = sum(&round_axis, &step.nodes)[0];
         if let Some(modes) = &modes {
-            let [own, last] = [u, step].map(|motion| tangents(modes, &motion.modes));
+            let [own, last] =
+                [u, step].map(|motion| derivatives(modes, motion.modes.iter().copied()));
             for i in 0..D {
                 for j in 0..D {
                     f[i][j] += own[j][i];

@@ -25,7 +25,7 @@ pub(crate) use triangle::{Triangle, Triangle6};
 pub(crate) use wedge::{Wedge, Wedge15, Wedge18};
 
 use super::ElementKind;
-use super::vector::{cross, dot};
+use super::vector::{cross, dot, minus};
 
 /// A type of element with N nodes in D dimensions, whose stiffness is integrated with Q points.
 pub trait ShapeFunctions<const D: usize, const N: usize, const Q: usize> {
@@ -124,14 +124,24 @@ pub(crate) fn sum<const D: usize>(weights: &[f64], x: &[[f64; D]]) -> [f64; D] {
     std::array::from_fn(|c| weights.iter().zip(x).map(|(w, x)| w * x[c]).sum())
 }
 
-/// ∂x/∂ξⱼ, one a row, of nodes at x in D dimensions; the reference element may have fewer.
+/// ∂x/∂ξⱼ, one a row, of nodes at x in D dimensions; the reference element may have fewer. Places count from the first
+/// node: far from the origin, products with whole coordinates would lose the digits of the element.
 #[inline]
 pub(crate) fn tangents<const R: usize, const D: usize>(
     local: &[[f64; R]],
     x: &[[f64; D]],
 ) -> [[f64; D]; R] {
+    derivatives(local, x.iter().map(|at| minus(*at, x[0])))
+}
+
+/// Σ ∂φₐ/∂ξⱼ vₐ, one a row.
+#[inline]
+pub(crate) fn derivatives<const R: usize, const D: usize>(
+    local: &[[f64; R]],
+    values: impl Iterator<Item = [f64; D]>,
+) -> [[f64; D]; R] {
     let mut along = [[0.0; D]; R];
-    for (local, x) in local.iter().zip(x) {
+    for (local, x) in local.iter().zip(values) {
         for (along, slope) in along.iter_mut().zip(local) {
             for (along, x) in along.iter_mut().zip(x) {
                 *along += slope * x;

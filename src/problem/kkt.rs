@@ -146,10 +146,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             *closing = beyond(*closing - d, *rounding);
         }
         let mut slip = self.beyond_compliance(self.tangential(), m, u, lambda);
-        let origin = self.slip_origin().iter().zip(&rounding[m..]);
-        for (slip, (origin, rounding)) in slip.iter_mut().zip(origin) {
-            *slip = beyond(*slip - origin, *rounding);
-        }
+        (slip.iter_mut().zip(self.slip_origin())).for_each(|(slip, origin)| *slip -= origin);
         let bound = self.bounds(lambda);
         let positive = |values: &mut dyn Iterator<Item = f64>| {
             values.fold(
@@ -162,7 +159,9 @@ impl<const D: usize, K> ContactProblem<D, K> {
         let slips = &mut (0..m).map(|i| {
             // One for both directions: other units would make an ellipse of the disc.
             let compliance = norm_max(&compliance[at(i)]);
-            slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance)
+            let off = slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance);
+            // It changes by no more than the slip does. Without the rounding of either component, slip would have another direction.
+            beyond(off, rigid::length(&rounding[m..][at(i)]))
         });
         let is_tied = |i: usize| self.is_tied(i);
         // The sides of a tie neither come nearer to each other nor move apart.

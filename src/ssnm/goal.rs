@@ -4,6 +4,7 @@ use super::check::Verdict;
 use super::{MET, NewtonSettings, Numbers, Status};
 use crate::constraint::{at, put};
 use crate::problem::{ContactProblem, Kkt, Scales, beyond, slip_violation, tangents_of};
+use crate::rigid;
 use crate::rounding::ROUNDING;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use std::array::from_fn;
@@ -98,10 +99,10 @@ impl Goal {
         let m = problem.m();
         let (ln, lt) = lambda.split_at(m);
         let rounding = rounding(problem, lambda, r, moved);
-        let r: Vec<f64> = (r.iter().zip(&rounding))
+        let (rn, rt) = r.split_at(m);
+        let rn: Vec<f64> = (rn.iter().zip(&rounding))
             .map(|(r, of)| beyond(*r, *of))
             .collect();
-        let (rn, rt) = r.split_at(m);
         let (g, (own, c)) = (problem.bounds(lambda), problem.compliance().split_at(m));
         let penetration = (0..m).fold(0.0, |acc: f64, i| {
             let apart = rn[i].min(own[i] * ln[i]);
@@ -114,11 +115,12 @@ impl Goal {
             let at = tangents_of::<D>(i);
             let slip: [f64; D] = from_fn(|a| if a == 0 { 0.0 } else { -rt[at.start + a - 1] });
             let c = norm_max(&c[at.clone()]);
-            acc.max(slip_violation(&lt[at], &slip[1..], g[i], c))
+            let off = slip_violation(&lt[at.clone()], &slip[1..], g[i], c);
+            acc.max(beyond(off, rigid::length(&rounding[m..][at])))
         });
         let length = norm(lambda);
         penetration.max(slip) <= self.slack
-            && (length == 0.0 || dot(ln, rn).abs() / length <= self.work)
+            && (length == 0.0 || dot(ln, &rn).abs() / length <= self.work)
     }
 
     /// Whether the possible change of a pressure or a traction by the gradient r at a point is a small enough part of

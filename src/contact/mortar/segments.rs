@@ -103,9 +103,10 @@ fn meet(x: Point, n: Point, edge: &[Point]) -> (f64, f64) {
         return (cross(n, to) / -det, cross(to, along) / det);
     }
     // The edge is p + s b + s² a.
-    let [p, q, m] = [edge[0], edge[1], edge[2]];
-    let b = [0, 1].map(|c| 4.0 * m[c] - 3.0 * p[c] - q[c]);
-    let a = [0, 1].map(|c| 2.0 * (p[c] + q[c]) - 4.0 * m[c]);
+    let p = edge[0];
+    let [q, m] = [edge[1], edge[2]].map(|x| minus(x, p));
+    let b = [0, 1].map(|c| 4.0 * m[c] - q[c]);
+    let a = [0, 1].map(|c| 2.0 * q[c] - 4.0 * m[c]);
     let root = nearest_root(cross(n, a), cross(n, b), cross(n, minus(p, x)));
     let s = root.unwrap_or(f64::NAN);
     let place = edge_at(edge, 2.0 * s - 1.0).place;

@@ -21,7 +21,7 @@ use crate::contact::{
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
-use crate::mesh::{ElementKind, Facet, Mesh, facet_nodes};
+use crate::mesh::{ElementKind, Facet, Mesh, bounds, facet_nodes};
 use crate::rounding::ROUNDING;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -178,7 +178,7 @@ pub(super) fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touc
     &touches[first_of(touches, pair)..first_of(touches, pair + 1)]
 }
 
-/// Places nearer to each other than this part of the largest coordinate are at one point.
+/// Places nearer to each other than this part of the size of the boundary are at one point.
 const ONE_POINT: f64 = 1e-9;
 
 /// Places of a pair, by where they were at rest.
@@ -195,12 +195,15 @@ impl<'t, const D: usize> Earlier<'t, D> {
     fn new(touches: &'t [Touch<D>], body_of: &'t [u32]) -> Self {
         let all = touches.iter().enumerate();
         let all = all.map(|(i, touch)| GeomWithData::new(touch.rest, i));
-        let coordinates = touches.iter().flat_map(|touch| touch.rest);
+        let (low, high) = bounds(touches.iter().map(|touch| touch.rest));
+        let size = length(minus(high, low));
+        let far = touches.iter().flat_map(|touch| touch.rest);
+        let far = far.fold(0.0, |most: f64, x| most.max(x.abs()));
         Self {
             touches,
             body_of,
             tree: RTree::bulk_load(all.collect()),
-            same: ONE_POINT * coordinates.fold(0.0, |most: f64, x| most.max(x.abs())),
+            same: (ONE_POINT * size).max(ROUNDING * far),
         }
     }
 
@@ -279,7 +282,8 @@ where
     }
 
     /// How far the sides of a place are apart, where nodes of the mesh are at these positions. Where some are held, it is measured along
-    /// each of these directions as the row along it says, because the forces act on the same nodes.
+    /// each of these directions as the row along it says, because the forces act on the same nodes. Positions count from the place: the
+    /// weights of either side add up to 1 but for rounding, which far from the origin is longer than the slip.
     fn apart(
         place: &ContactPlace<D>,
         frame: &[[f64; D]; D],
@@ -289,7 +293,7 @@ where
             let mut sum = [0.0; D];
             for (side, sign) in place.sides(a).into_iter().zip([1.0, -1.0]) {
                 for &(node, weight) in side {
-                    let x = place.place_at(node, &at);
+                    let x = minus(place.place_at(node, &at), place.place);
                     (0..D).for_each(|c| sum[c] += sign * weight * x[c]);
                 }
             }
