@@ -338,6 +338,24 @@ impl<const D: usize, K> ContactProblem<D, K> {
         Ok(self)
     }
 
+    /// The problem, if no contact node has a slip bound beside a coefficient of friction, which
+    /// [`Self::with_friction_coefficient`] would prefer in silence.
+    ///
+    /// # Errors
+    /// The first node that has both.
+    pub fn with_one_law(self) -> Result<Self, ProblemError> {
+        let (mu, g) = (self.friction_coefficient(), &self.case.slip_bound);
+        let both = mu.iter().zip(g).position(|(&mu, &g)| mu > 0.0 && g > 0.0);
+        match both {
+            Some(i) => Err(ProblemError::TwoLaws {
+                row: i + 1,
+                bound: g[i],
+                mu: mu[i],
+            }),
+            None => Ok(self),
+        }
+    }
+
     /// Sets how the nodes of second-order elements follow their corners, the first coarse level of multigrid.
     ///
     /// # Panics

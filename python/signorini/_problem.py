@@ -64,7 +64,7 @@ class Problem:
     slip_bound : array_like, (m,), or float; optional
         g: Tresca's law, a force per contact node.
     friction : array_like, (m,), or float; optional
-        μ: Coulomb's law, where it is above 0.
+        μ: Coulomb's law, where it is above 0; `slip_bound` has to be 0 there.
     coordinates : array_like, (n / d, d); optional
         The node of each d unknowns, which are ordered node by node.
     dim : 2 or 3; optional

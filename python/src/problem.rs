@@ -147,6 +147,10 @@ impl Changes {
                 false => problem.with_open_gap(gap.clone())?,
             };
         }
+        // One law takes the place of the other where both are given.
+        if let (Some(_), Some(_)) = (&self.slip_bound, &self.friction) {
+            problem = problem.with_friction_coefficient(Vec::new())?;
+        }
         if let Some(bound) = &self.slip_bound {
             // A tie is a bound that nothing reaches: it stays.
             let tied = ties(&problem);
@@ -158,7 +162,11 @@ impl Changes {
         if let Some(friction) = &self.friction {
             problem = problem.with_friction_coefficient(friction.clone())?;
         }
-        Ok(problem)
+        // Without a slip bound of the solve, friction takes the place of the law that the problem has.
+        match self.slip_bound {
+            Some(_) => problem.with_one_law(),
+            None => Ok(problem),
+        }
     }
 }
 

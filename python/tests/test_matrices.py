@@ -270,6 +270,16 @@ def test_many_right_hand_sides_share_the_factor(block: dict[str, Any]) -> None:
     changed = problem.solve(gap=2e-5, slip_bound=0.0, friction=0.2, tolerance=EXACT)
     alone = solve({k: v for k, v in block.items() if k != "slip_bound"}, gap=2e-5, friction=0.2, tolerance=EXACT)
     same(changed.u, alone.u)
+    # One law a node: the other one takes its place.
+    with pytest.raises(ValueError, match=r"contact node 0 has the slip bound g = 1e4 .* and the coefficient of friction μ = 2e-1"):
+        problem.solve(friction=0.2, slip_bound=1e4)
+    same(problem.solve(gap=2e-5, friction=0.2, tolerance=EXACT).u, changed.u)
+    coulomb = signorini.Problem(**{**block, "slip_bound": None, "friction": 0.2})
+    with pytest.raises(ValueError, match="only one law can hold there"):
+        coulomb.solve(slip_bound=1e4)
+    with pytest.raises(ValueError, match="only one law can hold there"):
+        solve(block, friction=0.2)
+    same(coulomb.solve(friction=0.0, slip_bound=block["slip_bound"], tolerance=EXACT).u, first.u)
 
 
 def test_load_steps_remember_slip() -> None:

@@ -340,6 +340,7 @@ impl Case {
         };
         let mut problem = checked
             .and_then(|problem| problem.with_friction_coefficient(read.coefficient))
+            .and_then(ContactProblem::with_one_law)
             .and_then(|problem| problem.with_gap(read.gap))
             .map_err(failed)?;
         if let Some(origin) = read.slip_origin {

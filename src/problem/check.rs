@@ -125,6 +125,12 @@ pub enum ProblemError {
          interference to true if the overlap is to be pressed apart"
     )]
     NegativeGap { row: usize, value: f64 },
+    /// A contact node has two laws of friction.
+    #[error(
+        "contact node {row} has the slip bound g = {bound:e} (Tresca) and the coefficient of friction μ = {mu:e} (Coulomb), and \
+         only one law can hold there: leave one of them out, or make it 0 at the nodes of the other"
+    )]
+    TwoLaws { row: usize, bound: f64, mu: f64 },
     /// A slip bound is negative.
     #[error("the slip bound g has the negative entry g({row}) = {value:e}")]
     NegativeSlipBound { row: usize, value: f64 },
@@ -202,6 +208,7 @@ impl ProblemError {
             | Self::Diagonal { row, .. }
             | Self::NegativeDelassus { row, .. }
             | Self::NegativeGap { row, .. }
+            | Self::TwoLaws { row, .. }
             | Self::NegativeSlipBound { row, .. }
             | Self::NegativeFriction { row, .. }
             | Self::NegativeCompliance { row, .. }

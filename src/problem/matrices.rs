@@ -44,7 +44,7 @@ pub struct Matrices<'a, const D: usize = 2> {
     /// Whether rows of N and T may depend on each other, as rows of bodies do where several parts of one are under one
     /// facet of another. Forces on the bodies are still unique, multipliers need not be.
     pub dependent_rows: bool,
-    /// g, length m; may be empty where coefficients of friction are given.
+    /// g, length m; may be empty where coefficients of friction are given. A node has one or the other: 0 there.
     pub slip_bound: &'a [f64],
     /// μ, length m: Coulomb's law where it is above 0. Empty without.
     pub friction_coefficient: &'a [f64],
@@ -60,7 +60,8 @@ impl<const D: usize> ContactProblem<D> {
     ///
     /// # Errors
     /// The entry and its fault: those of the matrices themselves (lengths, pointers, indices), and all that
-    /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`] and [`ContactProblem::with_gap`] check.
+    /// [`ContactProblem::new`], [`ContactProblem::with_friction_coefficient`], [`ContactProblem::with_one_law`] and
+    /// [`ContactProblem::with_gap`] check.
     pub fn from_matrices(matrices: Matrices<'_, D>) -> Result<Self, ProblemError> {
         let k = matrices.stiffness;
         // Blocks would hide these errors, or allocate memory for a typing error.
@@ -109,7 +110,7 @@ impl<const D: usize> ContactProblem<D> {
             true => Self::of_bodies(data, compliance, &[]),
             false => Self::compliant(data, compliance),
         };
-        let problem = checked?.with_friction_coefficient(mu.to_vec())?;
+        let problem = (checked?.with_friction_coefficient(mu.to_vec())?).with_one_law()?;
         match matrices.interference {
             true => problem.with_gap(gap),
             false => Ok(problem),

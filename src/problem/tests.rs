@@ -401,6 +401,14 @@ fn matrices_of_others_make_the_same_problem() {
         let coulomb = coulomb.unwrap_or_else(|e| panic!("{e}"));
         assert!(coulomb.has_coulomb() && coulomb.kkt(&U, &LAMBDA).max() < 1e-14);
     }
+    // One law a node: the first has Tresca's, the second both.
+    let both = ContactProblem::from_matrices(Matrices {
+        friction_coefficient: &[0.0, 0.5],
+        ..matrices
+    });
+    let said = both.expect_err("two laws").to_string();
+    let expected = "contact node 2 has the slip bound g = 2e0 (Tresca) and the coefficient of friction μ = 5e-1 (Coulomb)";
+    assert!(said.starts_with(expected), "{said}");
     // Not a whole number of blocks.
     let diagonal = |n: usize| ((0..=n).collect::<Vec<_>>(), vec![2.0; n]);
     for n in [3, 4, 5] {
