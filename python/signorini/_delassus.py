@@ -218,9 +218,13 @@ def _product(times: Callable[[Floats], ArrayLike], place: NDArray[np.int64]) -> 
     def product(x: Floats) -> Floats:
         of_user = np.empty_like(x)
         of_user[place] = x
-        made = _arrays.floats("W", times(of_user)).ravel()
-        if len(made) != len(x):
-            raise ValueError(f"W: it returns a vector with {len(made)} entries for one with {len(x)}")
+        made = _arrays.floats("W", times(of_user))
+        if made.shape not in [x.shape, (len(x), 1)]:
+            raise ValueError(f"W: it returns an array of shape {made.shape} for a vector of shape {x.shape}, and should return W x")
+        made = made.ravel()
+        if not np.isfinite(made).all():
+            worst = int(np.flatnonzero(~np.isfinite(made))[0])
+            raise ValueError(f"W: entry {worst} of W x is {made[worst]}, for x = {of_user}")
         return np.ascontiguousarray(made[place])
 
     return product

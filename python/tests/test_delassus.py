@@ -155,7 +155,10 @@ def test_manners() -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"W": unsymmetric}, r"W: it is not symmetric: W\[2, 5\]"),
         ({"W": W[:3, :3]}, "W: q has 30 entries, and W is 3 × 3"),
-        ({"W": lambda x: x[:3], "diagonal": 1.0}, "W: it returns a vector with 3 entries for one with 30"),
+        ({"W": lambda x: x[:3], "diagonal": 1.0}, r"W: it returns an array of shape \(3,\) for a vector of shape \(30,\)"),
+        ({"W": lambda x: np.eye(30), "diagonal": 1.0}, r"W: it returns an array of shape \(30, 30\)"),
+        ({"W": lambda x: np.nan * x}, "W: entry 0 of W x is nan, for x = "),
+        ({"W": 1e-100 * np.eye(30)}, "the diagonal of W: entry 0 is 1e-100"),
         ({"W": -W}, "W is not positive semidefinite: its diagonal entry 0"),
         ({"q": q[:-1]}, "q: 29 entries are not a multiple of dimension = 3"),
         ({"q": np.where(np.arange(30) == 4, np.nan, q)}, "q: entry 4 is NaN"),

@@ -501,6 +501,27 @@ pub(super) fn gap(d: &mut [f64]) -> Result<(), ProblemError> {
     bounded("the gap d", d, UNREACHABLE)
 }
 
+/// The diagonal of W is valid: its inverse stands for K.
+pub(super) fn delassus(diagonal: &[f64]) -> Result<(), ProblemError> {
+    let name = "the diagonal of W";
+    finite(name, diagonal)?;
+    let at = |wrong: &dyn Fn(f64) -> bool| diagonal.iter().position(|&w| wrong(w));
+    if let Some(i) = at(&|w| w < 0.0) {
+        return Err(ProblemError::NegativeDelassus {
+            row: i + 1,
+            value: diagonal[i],
+        });
+    }
+    match at(&|w| !is_sized(w)) {
+        Some(i) => Err(ProblemError::Size {
+            name,
+            place: Place::Of(i + 1),
+            value: diagonal[i],
+        }),
+        None => Ok(()),
+    }
+}
+
 /// g is as it should be.
 pub(super) fn slip_bound(g: &mut [f64], m: usize) -> Result<(), ProblemError> {
     length("the slip bound g", g, m, PER_NODE)?;

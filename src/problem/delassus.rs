@@ -16,7 +16,7 @@ impl<const D: usize> ContactProblem<D> {
     /// `diagonal` is the diagonal of W or an estimate of it; `friction` has μ of each contact.
     ///
     /// # Errors
-    /// If lengths do not fit, entries are not finite, or the diagonal or μ has negative ones.
+    /// If lengths do not fit, entries are not finite, or the diagonal or μ has negative ones, or the diagonal one out of range.
     pub fn from_delassus(
         diagonal: &[f64],
         q: &[f64],
@@ -31,14 +31,8 @@ impl<const D: usize> ContactProblem<D> {
             D * m,
             "one entry per row of W",
         )?;
-        check::finite("the diagonal of W", diagonal)?;
+        check::delassus(diagonal)?;
         check::finite(name, q)?;
-        if let Some(i) = diagonal.iter().position(|&w| w < 0.0) {
-            return Err(ProblemError::NegativeDelassus {
-                row: i + 1,
-                value: diagonal[i],
-            });
-        }
         // A contact that nothing moves has no compliance of its own, so the others' compliance is its scale.
         let moved = diagonal.iter().filter(|&&w| w > 0.0);
         let mean = match moved.clone().count() {

@@ -360,6 +360,22 @@ fn rows<I: TryFrom<usize>, const B: usize>(matrix: &BlockCsr<B>) -> Rows<I> {
 }
 
 #[test]
+fn the_diagonal_of_w_is_checked() {
+    for (diagonal, expected) in [
+        ([1.0, 1e-100, 1.0], "the diagonal of W: entry 2 is 1e-100"),
+        ([1.0, 1.0, f64::NAN], "the diagonal of W: entry 3 is NaN"),
+        (
+            [-1.0, 1.0, 1.0],
+            "W is not positive semidefinite: its diagonal entry 1",
+        ),
+    ] {
+        let made = ContactProblem::<3>::from_delassus(&diagonal, &[-1.0, 0.0, 0.0], &[0.3]);
+        let said = made.map(|_| ()).expect_err("it is wrong").to_string();
+        assert!(said.starts_with(expected), "{said}");
+    }
+}
+
+#[test]
 fn matrices_of_others_make_the_same_problem() {
     let data = two_nodes(U, LAMBDA);
     let k = rows::<u32, 3>(&data.stiffness);
