@@ -279,9 +279,13 @@ fn not_perpendicular<const D: usize>(vectors: &[[f64; D]; D]) -> Option<&'static
     let are_across = pairs
         .into_iter()
         .all(|(a, b)| dot(units[a], units[b]).abs() <= ALONG);
-    (!(are_units && are_across)).then_some(
-        "directions are finite vectors, perpendicular to each other and none of them zero: in the plane [[0.8, 0.6], [-0.6, 0.8]]",
-    )
+    (!(are_units && are_across)).then_some(match D {
+        2 => "directions are finite vectors, perpendicular to each other and none of them zero: [[0.8, 0.6], [-0.6, 0.8]]",
+        _ => {
+            "directions are finite vectors, perpendicular to each other and none of them zero: \
+             [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]"
+        }
+    })
 }
 
 /// The stated values, with their names.
@@ -533,6 +537,9 @@ impl<const D: usize> Part for Support<D> {
         if let Some(directions) = &self.directions {
             let fault = match self.components().iter().any(Option::is_some) {
                 false => Some("directions are those of x, y and z: state one of these beside them"),
+                true if around => Some(
+                    "radial, hoop and axial have directions of their own: state them in a support of their own, or leave directions out",
+                ),
                 true => not_perpendicular(directions),
             };
             if let Some(text) = fault {

@@ -265,6 +265,16 @@ fn errors_name_the_part_at_fault() {
             "support 3 on \"low-left\": a support needs x, y or symmetry (or radial, hoop about an axis): it holds nothing",
         ),
         (
+            sound().support(
+                Support::on("low-left")
+                    .x(0.0)
+                    .directed([[0.8, 0.6], [-0.6, 0.8]])
+                    .about(Axis::at([0.0, 0.0]))
+                    .radial(0.0),
+            ),
+            "support 3 on \"low-left\": radial, hoop and axial have directions of their own",
+        ),
+        (
             sound().support(Support::at_point([9.0, 9.0]).fixed()),
             "support 3 at (9, 9): the node nearest to (9, 9) is",
         ),

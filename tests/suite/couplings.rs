@@ -344,7 +344,13 @@ fn what_nodes_do_not_determine_is_refused() {
             Coupling::at_nodes("edge", point)
                 .distributing()
                 .moment([0.0, 1.0, 0.0]),
-            "do not determine the motion ry",
+            "do not determine the motion ry of the point: couple nodes",
+        ),
+        (
+            Coupling::at_nodes("edge", point)
+                .turned(1, 0.0)
+                .moment([0.0, 1.0, 0.0]),
+            "do not determine the motion ry of the point, which is held at 0: a load along it would act on nothing",
         ),
         (Coupling::on("nowhere", point), "nowhere"),
         (Coupling::on("right", point).moment([1.0]), "three entries"),
