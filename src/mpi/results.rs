@@ -242,6 +242,7 @@ where
         Moved {
             apart: part.pair_nodes.iter().map(apart).collect(),
             turned: hints::turned(of, count, &part.body_of, |all| self.group.sum(all)),
+            gone: Vec::new(),
         }
     }
 

@@ -6,7 +6,7 @@ use crate::dense::pseudo_inverse;
 use crate::elasticity::{Hyperelastic, Plane};
 use crate::mesh::vector::{cross, length, minus};
 use crate::mesh::{Census, ElementKind, facet_nodes};
-use crate::model::{Driven, Elastic, PairData};
+use crate::model::{Driven, Elastic, PairData, Units};
 use crate::problem::ContactProblem;
 use crate::quasistatic::StepSolution;
 use crate::rounding::DEPENDENT;
@@ -104,6 +104,8 @@ pub(crate) struct Moved {
     pub apart: Vec<f64>,
     /// The tangent of the angle by which each body has turned.
     pub turned: Vec<f64>,
+    /// How far each body has gone that no force reaches and no support holds, 0 of others; of several ranks nothing.
+    pub gone: Vec<f64>,
 }
 
 impl Moved {
@@ -116,8 +118,68 @@ impl Moved {
         Self {
             apart: apart(of),
             turned: turned(of, count, &body_of, |_| ()),
+            gone: gone(of, count, &body_of),
         }
     }
+}
+
+/// How far each body has moved that contact alone could hold and that bears no forces, where that is farther than all others move; 0 of
+/// others. A body that others push out of their way moves as far as they do.
+fn gone<const D: usize>(of: &OfBodies<D>, count: usize, body_of: &[u32]) -> Vec<f64>
+where
+    ElementKind: Space<D>,
+{
+    let (mut reached, mut meets) = (vec![false; count], vec![false; count]);
+    for (node, body) in (0..).zip(body_of) {
+        let mut held = of.data.unknowns.prescribed(node).into_iter();
+        reached[*body as usize] |=
+            held.any(|held| held.is_some()) || of.data.forces[node as usize] != [0.0; D];
+    }
+    // Pressures below this part of the largest are what the tolerance has left.
+    const PRESSED: f64 = 1e-6;
+    let most = of.contact.pressure.iter().copied().fold(0.0, f64::max);
+    let presses = |i: usize| match of.contact.status[i] {
+        NodeStatus::Tied => true,
+        _ => of.contact.pressure[i] > PRESSED * most,
+    };
+    for (i, place) in of.elastic.contact.places.iter().enumerate() {
+        let further = place.further.iter().flatten().map(|(image, _)| image);
+        let sides = place.own.iter().chain(&place.partners);
+        for image in sides.map(|(image, _)| image).chain(further) {
+            let body = body_of[place.node_of(*image) as usize] as usize;
+            reached[body] |= presses(i);
+            meets[body] = true;
+        }
+    }
+    // The number of nodes of each, and the sum of their motions.
+    let mut sums = vec![(0.0, [0.0; D]); count];
+    let mut farthest = 0.0_f64;
+    for (body, u) in body_of.iter().zip(&of.fields.displacement) {
+        let (number, sum) = &mut sums[*body as usize];
+        *number += 1.0;
+        (0..D).for_each(|c| sum[c] += u[c]);
+        if reached[*body as usize] {
+            farthest = farthest.max(length(*u));
+        }
+    }
+    let moved = sums.into_iter().enumerate().map(|(body, (number, sum))| {
+        let mean = length(sum) / number;
+        let is_gone = meets[body] && !reached[body] && mean > farthest;
+        if is_gone { mean } else { 0.0 }
+    });
+    moved.collect()
+}
+
+/// The bodies that nothing has held.
+fn gone_away(census: &Census, gone: &[f64], units: &Units) -> impl Iterator<Item = String> {
+    let gone = census.bodies.iter().zip(gone).filter(|of| *of.1 > 0.0);
+    gone.map(|(name, far)| {
+        format!(
+            "the body with region \"{name}\" has no contact forces and has moved by {}, farther than any body that bears forces: nothing has \
+             held it, and it could be anywhere; state more friction or a support if it is to stay in place",
+            units.long(*far)
+        )
+    })
 }
 
 /// The tangent of the angle by which each body has turned, from the nodes whose bodies are known; `sum` adds up over ranks.
@@ -258,6 +320,7 @@ where
     hints.extend(held_sections(of, contacts));
     hints.extend(turned_far(census, &moved.turned));
     let units = &elastic.units;
+    hints.extend(gone_away(census, &moved.gone, units));
     let softest = (elastic.materials.iter()).fold(f64::INFINITY, |min, m| m.young.min(min));
     let pairs = elastic.pairs.iter().zip(contacts).enumerate();
     // A tie neither opens nor slides.
