@@ -557,7 +557,9 @@ class Solution:
             made["contacts"], made["at_nodes"], made["state"] = self._contacts(step)
         elif name in _VECTORS:
             made = native.vectors(step)
-            rows = (self.m, -1) if self.m else (0, 1)
+            # Contact may have other places in each step.
+            places = len(made["lambda_normal"])
+            rows = (places, -1) if places else (0, self._mesh()[0].shape[1] - 1 if bodies else 1)
             for tangential in ("lambda_tangential", "slip"):
                 made[tangential] = made[tangential].reshape(rows)
             made["state"] = np.array(made["state"], dtype=np.str_)

@@ -244,6 +244,20 @@ def test_pickles() -> None:
         matrices.stress  # noqa: B018
 
 
+def test_steps_have_their_own_places() -> None:
+    parts = {"A": signorini.rectangle([2, 1], [3, 1]), "B": signorini.rectangle([1, 0.5], [2, 1], origin=[0.1, 1.0])}
+    model = signorini.Model(signorini.Mesh.join(parts)).material(young=1e4, poisson=0.3).analysis(geometry="large")
+    model.support("A-bottom", x=0, y=0).support("B-top", y=-0.01).support("B-top", x=1.5, factors=[0, 0.3, 1])
+    solution = model.contact("A-top", against="B-bottom").steps(factors=[1, 1, 1]).solve()
+    copy = pickle.loads(pickle.dumps(solution))
+    places = [len(step.lambda_normal) for step in copy.steps]
+    assert len(set(places)) > 1
+    for count, step in zip(places, copy.steps):
+        contact = step.contacts["A-top"]
+        assert step.slip.shape == step.lambda_tangential.shape == (count, 1) and len(contact.pressure) == count
+        np.testing.assert_allclose(np.sum(step.lambda_normal), np.linalg.norm(contact.force), rtol=1e-2)
+
+
 def test_problems_are_pickled(block: dict[str, Any]) -> None:
     """Problems of all kinds work on in another process, to the last bit."""
     springs = {"K": [[2.0, -1.0], [-1.0, 1.0]], "f": [0.0, 1.0], "normal": [[0.0, 1.0]], "tangential": [[1.0, 0.0]]}
