@@ -7,7 +7,8 @@
 //! neo-Hooke              ½ μ (F:F − 3 − 2ϑ) + ½ λ ϑ²                  ϑ = ln det F
 //! ```
 //!
-//! Both are linear elasticity where displacements are small. Where the dilatation of linear elasticity is projected
+//! Both are linear elasticity where displacements are small; strains come from F − I, ϑ from det F − 1 and the energy from E, so
+//! that small ones keep their digits. Where the dilatation of linear elasticity is projected
 //! (`dilatation.rs`), so is ϑ, in the same way: ½ λ ϑ² becomes −⅓ μ ϑ² + ½ κ (π ϑ)², whose tangent at rest is that of
 //! linear elasticity. In plane stress the moduli of St. Venant–Kirchhoff are those of plane stress, and neo-Hooke's law
 //! finds the stretch of the thickness.
@@ -94,14 +95,19 @@ struct Strained<const D: usize, const N: usize> {
     nodes: [Function<D>; N],
     modes: [Function<D>; D],
     f: [[f64; D]; D],
+    /// What carries the stresses s to forces: F of St. Venant–Kirchhoff, F⁻ᵀ of neo-Hooke.
+    carrier: [[f64; D]; D],
     /// The stretch perpendicular to the plane.
     across: f64,
+    /// E, of St. Venant–Kirchhoff as the tangent has it; perpendicular to the plane 0 where the moduli are those of plane stress.
+    strain: [[f64; D]; D],
+    strain_across: f64,
     theta: f64,
     /// λ as the tangent has it.
     lambda: f64,
     /// λ ϑ + κ π ϑ.
     q: f64,
-    /// 2μE + qI of St. Venant–Kirchhoff.
+    /// 2μE + qI.
     s: [[f64; D]; D],
     s_across: f64,
     /// F Fᵀ.
@@ -119,8 +125,6 @@ struct Function<const D: usize> {
     /// ∂ϑ/∂u in the plane (in space: all of it), and by what goes round.
     p: [f64; D],
     round: f64,
-    /// F ∇φ.
-    pushed: [f64; D],
 }
 
 /// The displacements of an element.
@@ -155,124 +159,146 @@ fn transposed<const D: usize>(m: &[[f64; D]; D]) -> [[f64; D]; D] {
     from_fn(|i| from_fn(|j| m[j][i]))
 }
 
-/// ∂x/∂X, from gradients over the stretch of warmth, of nodes that move by u.
-fn deformation<const D: usize, const N: usize>(
-    gradient: &[[f64; D]; N],
-    u: &[[f64; D]; N],
-    stretch: f64,
-) -> [[f64; D]; D] {
-    let mut f = transposed(&tangents(gradient, u));
-    (0..D).for_each(|c| f[c][c] += 1.0 / stretch);
-    f
+fn trace<const D: usize>(m: &[[f64; D]; D]) -> f64 {
+    (0..D).map(|c| m[c][c]).sum()
+}
+
+/// I + M.
+fn one_and<const D: usize>(m: &[[f64; D]; D]) -> [[f64; D]; D] {
+    from_fn(|i| from_fn(|j| f64::from(u8::from(i == j)) + m[i][j]))
+}
+
+/// det (I + M) − 1 − tr M.
+fn beyond_trace<const D: usize>(m: &[[f64; D]; D]) -> f64 {
+    let (minors, det) = cofactors(*m);
+    det + if D == 3 { trace(&minors) } else { 0.0 }
+}
+
+/// ln det (I + M).
+fn ln_det<const D: usize>(m: &[[f64; D]; D]) -> f64 {
+    (trace(m) + beyond_trace(m)).ln_1p()
+}
+
+/// x − ln (1 + x), which is about x²/2 where x is small.
+fn beyond_ln(x: f64) -> f64 {
+    if x.abs() > 0.5 {
+        return x - x.ln_1p();
+    }
+    // ln (1 + x) = 2 artanh y = 2 (y + y³/3 + y⁵/5 + …) with y² ≤ 1/9, where 16 terms reach rounding, and x − 2y = x y.
+    let y = x / (2.0 + x);
+    let rest = (1..=16)
+        .rev()
+        .fold(0.0, |sum, k| y * y * (sum + 1.0 / f64::from(2 * k + 1)));
+    y * (x - 2.0 * rest)
 }
 
 impl Law {
-    /// ln of the stretch of the thickness in plane stress, where that of the plane is `det`: μ (s² − 1) + λ ln(det s) = 0.
-    fn thinned(&self, det: f64) -> f64 {
+    /// ln s of the stretch of the thickness in plane stress, where that of the plane is e to the `plane`: μ (s² − 1) + λ ln(e^plane s) = 0.
+    fn thinned(&self, plane: f64) -> f64 {
         let mut ln = 0.0_f64;
         // A convex function of ln s: Newton's method converges from one side after its first step.
         for _ in 0..60 {
-            let square = (2.0 * ln).exp();
-            let value = self.mu * (square - 1.0) + self.lambda * (det.ln() + ln);
-            let step = value / (2.0 * self.mu * square + self.lambda);
+            let growth = (2.0 * ln).exp_m1();
+            let value = self.mu * growth + self.lambda * (plane + ln);
+            let step = value / (2.0 * self.mu * (1.0 + growth) + self.lambda);
             ln -= step;
-            if step.abs() <= 1e-15 * (1.0 + ln.abs()) {
+            // What is left is about the square of the step.
+            if step.abs() <= 1e-8 * ln.abs().min(1.0) {
                 break;
             }
         }
         ln
     }
 
-    /// At a point of an element at rest whose nodes have moved by u, the last time by `step`; `stretch` is that of warmth.
+    /// At a point of an element at rest whose nodes have moved by u, the last time by `step`; warmth stretches it by 1 + `growth`.
     fn strained<const D: usize, const N: usize>(
         &self,
         At { point, modes }: &At<D, N>,
         hoop: f64,
         [u, step]: [&Motion<D, N>; 2],
-        stretch: f64,
+        growth: f64,
     ) -> Strained<D, N> {
+        let stretch = 1.0 + growth;
         let gradient = point.gradient.map(|g| g.map(|v| v / stretch));
         let round_axis = point.shape.map(|shape| shape * hoop / stretch);
         let modes = modes.map(|modes| modes.map(|g| g.map(|v| v / stretch)));
-        let mut f = deformation(&gradient, &u.nodes, stretch);
-        // The change of F in the last step, column by column, and of the stretch across.
-        let mut moved = tangents(&gradient, &step.nodes);
-        let moved_across = sum(&round_axis, &step.nodes)[0];
+        // F − I and its change in the last step, and those of the stretch across.
+        let [mut h, mut moved] =
+            [u, step].map(|motion| transposed(&tangents(&gradient, &motion.nodes)));
+        let [mut h_across, moved_across] =
+            [u, step].map(|motion| sum(&round_axis, &motion.nodes)[0]);
         if let Some(modes) = &modes {
             let [own, last] =
                 [u, step].map(|motion| derivatives(modes, motion.modes.iter().copied()));
             for i in 0..D {
                 for j in 0..D {
-                    f[i][j] += own[j][i];
-                    moved[j][i] += last[j][i];
+                    h[i][j] += own[j][i];
+                    moved[i][j] += last[j][i];
                 }
             }
         }
-        let mut across = 1.0 / stretch + sum(&round_axis, &u.nodes)[0];
+        (0..D).for_each(|c| h[c][c] -= growth / stretch);
+        h_across -= growth / stretch;
+        let f = one_and(&h);
         let (inverse, det) = cofactors(f);
-        let left = from_fn(|i| from_fn(|j| dot(f[i], f[j])));
-        let right = transposed(&f);
-        let right: [[f64; D]; D] = from_fn(|i| from_fn(|j| dot(right[i], right[j])));
-        let has_across = D == 2 && self.plane != Plane::PlaneStress;
-        let (mut lambda, mut s, mut s_across) = (self.lambda, [[0.0; D]; D], 0.0);
-        let theta;
+        let of_step = matches!(self.kind, Hyperelastic::StVenantKirchhoff);
+        let columns = [h, moved].map(|m| transposed(&m));
+        let strain: [[f64; D]; D] = from_fn(|i| {
+            from_fn(|j| {
+                let [own, last] = columns.map(|of| dot(of[i], of[j]));
+                0.5 * (h[i][j] + h[j][i] + own - if of_step { last } else { 0.0 })
+            })
+        });
+        let mut across = 1.0 + h_across;
+        let mut strain_across = h_across + 0.5 * h_across * h_across;
+        let mut lambda = self.lambda;
+        let (theta, carrier);
+        let in_plane_stress = D == 2 && self.plane == Plane::PlaneStress;
         match self.kind {
             Hyperelastic::NeoHooke => {
-                if D == 2 && self.plane == Plane::PlaneStress {
-                    let ln = self.thinned(det);
-                    across = ln.exp();
-                    theta = det.ln() + ln;
+                carrier = inverse.map(|row| row.map(|v| v / det));
+                if in_plane_stress {
+                    let plane = ln_det(&h);
+                    let ln = self.thinned(plane);
+                    (across, strain_across) = (ln.exp(), 0.5 * (2.0 * ln).exp_m1());
+                    theta = plane + ln;
                     let square = 2.0 * self.mu * across * across;
                     lambda = square * self.lambda / (self.lambda + square);
                 } else {
-                    // F before it, and its inverse transposed times det F.
-                    let before: [[f64; D]; D] = from_fn(|i| from_fn(|j| f[i][j] - moved[j][i]));
-                    let (turned, det) = cofactors(before);
-                    let first: f64 = (0..D)
-                        .map(|j| {
-                            let column: [f64; D] = from_fn(|i| turned[i][j]);
-                            dot(column, moved[j])
-                        })
-                        .sum();
-                    let across = across - moved_across;
-                    theta = if D == 2 { det * across } else { det }.ln()
-                        + first / det
-                        + if D == 2 { moved_across / across } else { 0.0 };
+                    // F − I before the last step, and the inverse of F transposed times det F.
+                    let before: [[f64; D]; D] = from_fn(|i| from_fn(|j| h[i][j] - moved[i][j]));
+                    let (turned, det) = cofactors(one_and(&before));
+                    let first: f64 = (0..D).map(|i| dot(turned[i], moved[i])).sum();
+                    let mut sum = ln_det(&before) + first / det;
+                    if D == 2 {
+                        let before = h_across - moved_across;
+                        sum += before.ln_1p() + moved_across / (1.0 + before);
+                    }
+                    theta = sum;
                 }
             }
             Hyperelastic::StVenantKirchhoff => {
-                let e = |i: usize, j: usize| {
-                    0.5 * (right[i][j] - f64::from(u8::from(i == j)) - dot(moved[i], moved[j]))
-                };
-                s = from_fn(|i| from_fn(|j| 2.0 * self.mu * e(i, j)));
-                let mut trace: f64 = (0..D).map(|c| e(c, c)).sum();
-                if has_across {
-                    let e_across = 0.5 * (across * across - 1.0 - moved_across * moved_across);
-                    trace += e_across;
-                    s_across = 2.0 * self.mu * e_across;
-                } else if D == 2 {
+                carrier = f;
+                let in_plane = trace(&strain);
+                if in_plane_stress {
                     // From λ₃ (tr E + e) + 2μ e = 0, where the λ of plane stress is 2μ λ₃ / (λ₃ + 2μ).
-                    let e_across = -self.lambda / (2.0 * self.mu) * trace;
+                    let e_across = -self.lambda / (2.0 * self.mu) * in_plane;
                     across = (1.0 + 2.0 * e_across).max(0.0).sqrt();
+                    strain_across = 0.0;
+                } else {
+                    strain_across -= 0.5 * moved_across * moved_across;
                 }
-                theta = trace;
+                theta = in_plane + if D == 2 { strain_across } else { 0.0 };
             }
         }
-        let function = |gradient: [f64; D], hoop: f64| {
-            let pushed = times(&f, &gradient);
-            let (p, round) = match self.kind {
-                Hyperelastic::NeoHooke => {
-                    (times(&inverse, &gradient).map(|v| v / det), hoop / across)
-                }
-                Hyperelastic::StVenantKirchhoff => (pushed, hoop * across),
-            };
-            Function {
-                gradient,
-                hoop,
-                p,
-                round,
-                pushed,
-            }
+        let function = |gradient: [f64; D], hoop: f64| Function {
+            gradient,
+            hoop,
+            p: times(&carrier, &gradient),
+            round: match self.kind {
+                Hyperelastic::NeoHooke => hoop / across,
+                Hyperelastic::StVenantKirchhoff => hoop * across,
+            },
         };
         let warm = stretch * stretch * stretch;
         Strained {
@@ -282,13 +308,16 @@ impl Law {
             nodes: from_fn(|a| function(gradient[a], round_axis[a])),
             modes: modes.map_or([Function::NONE; D], |modes| modes.map(|g| function(g, 0.0))),
             f,
+            carrier,
             across,
+            strain,
+            strain_across,
             theta,
             lambda,
             q: self.lambda * theta,
-            s,
-            s_across,
-            left,
+            s: [[0.0; D]; D],
+            s_across: 0.0,
+            left: from_fn(|i| from_fn(|j| dot(f[i], f[j]))),
             unstressed: false,
         }
     }
@@ -300,7 +329,6 @@ impl<const D: usize> Function<D> {
         hoop: 0.0,
         p: [0.0; D],
         round: 0.0,
-        pushed: [0.0; D],
     };
 
     /// ∂ϑ/∂u.
@@ -313,12 +341,11 @@ impl<const D: usize> Function<D> {
 
 impl<const D: usize, const N: usize> Strained<D, N> {
     /// Adds κ π ϑ, where the dilatation is projected; then the stresses are known.
-    fn close(&mut self, kind: Hyperelastic, projected: f64) {
+    fn close(&mut self, law: &Law, projected: f64) {
         self.q += projected / self.warm;
-        if kind == Hyperelastic::StVenantKirchhoff {
-            (0..D).for_each(|c| self.s[c][c] += self.q);
-            self.s_across += self.q;
-        }
+        self.s = self.strain.map(|row| row.map(|e| 2.0 * law.mu * e));
+        (0..D).for_each(|c| self.s[c][c] += self.q);
+        self.s_across = 2.0 * law.mu * self.strain_across + self.q;
     }
 
     /// Leaves out stresses that make the tangent softer: of St. Venant–Kirchhoff's law those that press; of neo-Hooke's law what of
@@ -363,17 +390,9 @@ impl<const D: usize, const N: usize> Strained<D, N> {
     }
 
     /// The force of the strain energy on a function, per volume at rest.
-    fn force(&self, law: &Law, of: &Function<D>) -> [f64; D] {
-        let mut force = match law.kind {
-            Hyperelastic::NeoHooke => {
-                from_fn(|i| law.mu * of.pushed[i] + (self.q - law.mu) * of.p[i])
-            }
-            Hyperelastic::StVenantKirchhoff => times(&self.f, &times(&self.s, &of.gradient)),
-        };
-        force[0] += match law.kind {
-            Hyperelastic::NeoHooke => law.mu * self.across * of.hoop + (self.q - law.mu) * of.round,
-            Hyperelastic::StVenantKirchhoff => self.across * self.s_across * of.hoop,
-        };
+    fn force(&self, of: &Function<D>) -> [f64; D] {
+        let mut force = times(&self.carrier, &times(&self.s, &of.gradient));
+        force[0] += self.s_across * of.round;
         force
     }
 
@@ -403,7 +422,7 @@ impl<const D: usize, const N: usize> Strained<D, N> {
                     for k in 0..D {
                         block[i][k] += w
                             * (self.lambda * pa[i] * pb[k]
-                                + mu * (plain * self.left[i][k] + b.pushed[i] * a.pushed[k]));
+                                + mu * (plain * self.left[i][k] + b.p[i] * a.p[k]));
                     }
                 }
                 let hoops = self.s_across * a.hoop * b.hoop + 2.0 * mu * a.round * b.round;
@@ -418,20 +437,13 @@ impl<const D: usize, const N: usize> Strained<D, N> {
     fn cauchy(&self, law: &Law) -> Stress {
         let (_, det) = cofactors(self.f);
         let j = if D == 2 { det * self.across } else { det };
-        let turned = self.f.map(|row| times(&self.s, &row));
-        let sigma = |i: usize, k: usize| {
-            let one = f64::from(u8::from(i == k));
-            match law.kind {
-                Hyperelastic::NeoHooke => (law.mu * (self.left[i][k] - one) + self.q * one) / j,
-                Hyperelastic::StVenantKirchhoff => dot(turned[i], self.f[k]) / j,
-            }
-        };
-        let square = self.across * self.across;
+        let carried = self.carrier.map(|row| times(&self.s, &row));
+        let sigma = |i: usize, k: usize| dot(carried[i], self.f[k]) / j;
         let zz = match law.kind {
             _ if D == 3 => sigma(D - 1, D - 1),
             _ if law.plane == Plane::PlaneStress => 0.0,
-            Hyperelastic::NeoHooke => (law.mu * (square - 1.0) + self.q) / j,
-            Hyperelastic::StVenantKirchhoff => square * self.s_across / j,
+            Hyperelastic::NeoHooke => self.s_across / j,
+            Hyperelastic::StVenantKirchhoff => self.across * self.across * self.s_across / j,
         };
         let in_space = |i: usize, k: usize| if D == 3 { sigma(i, k) } else { 0.0 };
         Stress {
@@ -532,7 +544,7 @@ where
             (dilatation, parts)
         });
         for (at, point) in strained.iter_mut().zip(&points) {
-            at.close(law.kind, made.projected_at(point.place(&x)));
+            at.close(&law, made.projected_at(point.place(&x)));
             if loose != Loose::No {
                 at.loosen(&law);
             } else if of.stiffened {
@@ -590,6 +602,8 @@ where
         const LEAST: i32 = 30;
         /// The gain of a step in parts of the energy from where on the error after it is its square, and rounding may hide the gain.
         const NEAR: f64 = 1e-12;
+        /// The rounding of E where the element has turned.
+        const TURNED: f64 = 4.0 * f64::EPSILON;
         /// The gain of the last step; and in parts of μ, where there is hardly any energy.
         const LAST: [f64; 2] = [1e-20, 1e-28];
         let mut amplitudes = [[0.0; D]; D];
@@ -600,7 +614,7 @@ where
             };
             at.map(|at| {
                 let mut here = self.strained_by(&at, &u);
-                here.close(self.law.kind, 0.0);
+                here.close(&self.law, 0.0);
                 here
             })
         };
@@ -613,11 +627,12 @@ where
         let mut here = strained(&amplitudes);
         let mut least = energy(&here);
         let volume: f64 = here.iter().map(|at| at.weight).sum();
+        let stiffest = (self.law.lambda + 2.0 * self.law.mu) * volume;
         for _ in 0..MOST {
             let mut forces = [[0.0; D]; D];
             for at in &here {
                 for (force, mode) in forces.iter_mut().zip(&at.modes) {
-                    let part = at.force(&self.law, mode);
+                    let part = at.force(mode);
                     (0..D).for_each(|c| force[c] -= at.weight * part[c]);
                 }
             }
@@ -628,7 +643,9 @@ where
             let step = eliminated.amplitudes(&driven, &[[0.0; D]; N]);
             let gain: f64 = driven.iter().map(|v| v * v).sum();
             let none = LAST[1] * self.law.mu * volume;
-            let [is_near, is_last] = [NEAR, LAST[0]].map(|part| gain <= part * least + none);
+            let hidden = none + TURNED * (least * stiffest).sqrt();
+            let is_near = gain <= NEAR * least + hidden;
+            let is_last = gain <= LAST[0] * least + none;
             let found = (0..LEAST).find_map(|halved| {
                 let part = 0.5_f64.powi(halved);
                 let next = from_fn(|k| from_fn(|c| amplitudes[k][c] + part * step[k][c]));
@@ -679,9 +696,8 @@ where
     fn strained_by(&self, at: &At<D, N>, u: &Motion<D, N>) -> Strained<D, N> {
         let place = at.point.place(&self.x);
         let warmth = (self.temperature).map_or(0.0, |at| at(self.region, place));
-        let stretch = 1.0 + self.expansion * warmth;
         let hoop = self.law.plane.hoop(place);
-        (self.law).strained(at, hoop, [u, &self.step], stretch)
+        (self.law).strained(at, hoop, [u, &self.step], self.expansion * warmth)
     }
 
     /// κ π ϑ at a place.
@@ -746,7 +762,7 @@ where
         let point = E::at(xi, 1.0, &self.x);
         let modes = (self.modes.as_ref()).map(|modes| modes.at::<E, N, Q>(xi, &self.x));
         let mut at = self.strained(&At { point, modes });
-        at.close(self.law.kind, self.projected_at(point.place(&self.x)));
+        at.close(&self.law, self.projected_at(point.place(&self.x)));
         at.cauchy(&self.law)
     }
 }
@@ -810,7 +826,7 @@ where
         });
         for at in &strained {
             for (function, force) in at.nodes.iter().zip(&mut forces) {
-                let part = at.force(law, function);
+                let part = at.force(function);
                 (0..D).for_each(|c| force[c] += at.weight * part[c]);
             }
             energy += at.weight * at.energy(law);
@@ -823,27 +839,18 @@ impl<const D: usize, const N: usize> Strained<D, N> {
     /// The strain energy without that of the projected dilatation, per volume at rest.
     fn energy(&self, law: &Law) -> f64 {
         let volume = 0.5 * law.lambda * self.theta * self.theta;
-        let own: f64 = (0..D).map(|c| self.left[c][c]).sum();
-        let square = self.across * self.across;
+        let across = if D == 2 { self.strain_across } else { 0.0 };
         match law.kind {
             Hyperelastic::NeoHooke => {
-                let all = if D == 2 { own + square } else { own };
-                volume + 0.5 * law.mu * (all - 3.0 - 2.0 * self.theta)
+                // C = I + A, and tr A − ln det C, of which the first order cancels.
+                let (a, a_across) = (self.strain.map(|row| row.map(|e| 2.0 * e)), 2.0 * across);
+                let (first, more) = (trace(&a), beyond_trace(&a));
+                let more = more + (first + more) * a_across;
+                volume + 0.5 * law.mu * (beyond_ln(first + a_across + more) - more)
             }
             Hyperelastic::StVenantKirchhoff => {
-                // E:E from the stress: 2μ E = S − q I.
-                let entry = |i: usize, j: usize| {
-                    let q = if i == j { self.q } else { 0.0 };
-                    (self.s[i][j] - q) / (2.0 * law.mu)
-                };
-                let mut sum = 0.0;
-                for i in 0..D {
-                    sum += (0..D).map(|j| entry(i, j).powi(2)).sum::<f64>();
-                }
-                if D == 2 && law.plane != Plane::PlaneStress {
-                    sum += (0.5 * (square - 1.0)).powi(2);
-                }
-                volume + law.mu * sum
+                let of = self.strain.as_flattened();
+                volume + law.mu * (of.iter().map(|e| e * e).sum::<f64>() + across * across)
             }
         }
     }
@@ -872,7 +879,7 @@ where
         let mut least = f64::INFINITY;
         for point in E::stiffness_points(&x) {
             let across = 1.0 + self.plane.hoop(point.place(&x)) * sum(&point.shape, &u)[0];
-            let (_, det) = cofactors(deformation(&point.gradient, &u, 1.0));
+            let (_, det) = cofactors(one_and(&tangents(&point.gradient, &u)));
             let det = det.min(across);
             if !(det >= least) {
                 least = det;

@@ -12,12 +12,14 @@ use signorini::elasticity::{Deformed, Stress, cauchy_stresses, stresses_at};
 use signorini::engine::Stiffness;
 use signorini::mesh::ElementKind;
 use signorini::model::{AnyBuilt, Built};
+use signorini::ssnm::Status;
 
 /// Places, displacements and stresses of the nodes.
 struct Found {
     x: Vec<[f64; 3]>,
     u: Vec<[f64; 3]>,
     stress: Vec<Stress>,
+    status: Status,
 }
 
 impl Found {
@@ -28,11 +30,14 @@ impl Found {
     }
 }
 
-fn of<const D: usize>(built: &Built<D>, path: Stiffness) -> Found
+fn of<const D: usize>(built: &Built<D>, tolerance: f64, path: Stiffness) -> Found
 where
     ElementKind: Space<D>,
 {
-    let solution = built.solve(&on_the_cpu(1e-12, path)).or_panic().remove(0);
+    let solution = built
+        .solve(&on_the_cpu(tolerance, path))
+        .or_panic()
+        .remove(0);
     let data = built.step(0).or_panic();
     let u = data.unknowns.displacements(&solution.u);
     let field = |region, x| data.temperature.at(region, x);
@@ -46,16 +51,21 @@ where
         x: built.elastic.mesh.nodes.iter().map(three).collect(),
         u: u.iter().map(three).collect(),
         stress,
+        status: solution.status,
     }
 }
 
 fn solved(text: &str, path: Stiffness) -> Found {
+    solved_to(1e-12, text, path)
+}
+
+fn solved_to(tolerance: f64, text: &str, path: Stiffness) -> Found {
     let CaseProblem::Elastic(built) = case(text).build().or_panic() else {
         panic!("it has bodies");
     };
     match *built {
-        AnyBuilt::Plane(built) => of(&built, path),
-        AnyBuilt::Space(built) => of(&built, path),
+        AnyBuilt::Plane(built) => of(&built, tolerance, path),
+        AnyBuilt::Space(built) => of(&built, tolerance, path),
     }
 }
 
@@ -206,6 +216,39 @@ fn beams_bend_where_one_side_is_warmer() {
             for s in &found.stress {
                 let all = [s.xx, s.yy, s.zz, s.xy, s.yz, s.zx];
                 assert!(all.iter().all(|v| v.abs() < 1e-8), "{kind}: {s:?}");
+            }
+        }
+    }
+}
+
+/// With large displacements a beam under small loads gives way as with small ones, in proportion to the load.
+#[test]
+fn small_loads_of_large_displacements() {
+    for kind in ["plane_stress", "plane_strain", "space"] {
+        let up = if kind == "space" { 2 } else { 1 };
+        for modes in [true, false] {
+            let tip = |law: &str, head: &str, force: f64| {
+                let material = format!("poisson = 0.3\nincompatible_modes = {modes}\n{law}");
+                let load = format!("[[traction]]\nboundary = \"right\"\nH = {force:e}");
+                let text = beam(kind, 10, &material, &load);
+                let text = match kind {
+                    "space" => format!("[analysis]\n{head}\n{text}"),
+                    _ => text.replace("[analysis]", &format!("[analysis]\n{head}")),
+                };
+                let found = solved_to(1e-6, &text, Stiffness::Cholesky);
+                assert_eq!(found.status, Status::Converged, "{text}");
+                found.at([10.0, 0.0, 0.0])[up] / force
+            };
+            let small = tip("", "", 1.0);
+            for law in ["st-venant-kirchhoff", "neo-hooke"] {
+                for exponent in [-18, -12, -9, -8, -6] {
+                    let law = format!("law = \"{law}\"");
+                    let large = tip(&law, "geometry = \"large\"", 10_f64.powi(exponent));
+                    assert!(
+                        (large / small - 1.0).abs() < 1e-5,
+                        "{kind}, {law}, modes: {modes}, 1e{exponent}: {large} {small}"
+                    );
+                }
             }
         }
     }

@@ -303,3 +303,83 @@ fn known_stresses() {
         assert!(largest(&of.resistance().forces) < 1e-14);
     }
 }
+
+/// Small strains: the forces and the energy are those of linear elasticity up to the size of the strains, and to rounding; of a body
+/// that has turned, to the rounding of its coordinates.
+fn check_small<const D: usize>(body: &Body<D>, what: &str)
+where
+    ElementKind: Topology<D>,
+{
+    let n = body.mesh.nodes.len();
+    let (k, _) = assemble(body, &free::<D>(n), &vec![[0.0; D]; n]);
+    let (sin, cos) = 0.7_f64.sin_cos();
+    for size in [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4] {
+        let u = noisy::<D>(n, size, 7);
+        let mut expected = vec![[0.0; D]; n];
+        k.mul(u.as_flattened(), expected.as_flattened_mut());
+        let turned = |v: [f64; D]| -> [f64; D] {
+            std::array::from_fn(|c| match c {
+                0 => cos * v[0] - sin * v[1],
+                1 => sin * v[0] + cos * v[1],
+                _ => v[c],
+            })
+        };
+        let whole = body.mesh.nodes.iter().zip(&u).map(|(x, u)| {
+            let (there, by) = (turned(*x), turned(*u));
+            std::array::from_fn(|c| there[c] - x[c] + by[c])
+        });
+        let whole: Vec<[f64; D]> = whole.collect();
+        let work: f64 = (expected.as_flattened().iter().zip(u.as_flattened()))
+            .map(|(f, u)| 0.5 * f * u)
+            .sum();
+        for (u, turn) in [(&u, false), (&whole, true)] {
+            if turn && body.plane == Plane::Axisymmetric && D == 2 {
+                continue;
+            }
+            let found = Deformed::new(body, u, None).resistance();
+            let wanted: Vec<[f64; D]> = expected
+                .iter()
+                .map(|f| if turn { turned(*f) } else { *f })
+                .collect();
+            let most = 30.0 * size + 1e-12 + if turn { 3e-14 / size } else { 0.0 };
+            let off = difference(&found.forces, &wanted) / largest(&wanted);
+            let energy = (found.energy / work - 1.0).abs();
+            assert!(
+                off < most && energy < most,
+                "{what}, {size}, turned: {turn}: {off} {energy}"
+            );
+        }
+    }
+}
+
+#[test]
+fn small_strains_keep_their_digits() {
+    for (law, poisson, modes) in cases(1) {
+        let materials = [material(law, poisson, modes)];
+        let sheet = rectangle([1.0, 0.0], [3.0, 1.0], [2, 1], CellShape::Quad, "body", "");
+        for plane in [Plane::PlaneStrain, Plane::PlaneStress, Plane::Axisymmetric] {
+            let body = Body {
+                mesh: &bent(&sheet, modes),
+                materials: &materials,
+                plane,
+                thickness: 1.0,
+            };
+            check_small(&body, &format!("{plane:?} {law:?} {poisson} {modes}"));
+        }
+        let solid = block(
+            [0.0; 3],
+            [1.2, 1.0, 0.9],
+            [1, 1, 1],
+            SolidShape::Hexahedron,
+            "body",
+            "",
+        );
+        let body = Body {
+            mesh: &bent(&solid, modes),
+            materials: &materials,
+            plane: Plane::PlaneStrain,
+            thickness: 1.0,
+        };
+        check_small(&body, &format!("in space {law:?} {poisson} {modes}"));
+    }
+}
