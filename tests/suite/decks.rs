@@ -890,6 +890,26 @@ fn a_stick_slope_keeps_its_force() {
     assert!(error.contains(expected), "{error}");
 }
 
+/// The elements of a set rotate about one axis at a time.
+#[test]
+fn bodies_rotate_about_one_axis() {
+    let first = "*DLOAD\nEall,CENTRIF,2.,0.,0.,0.,0.,0.,1.\n";
+    let second = |option: &str, axis: &str| {
+        let next = format!("{STATIC}*DLOAD{option}\nEall,CENTRIF,1.,{axis}\n*END STEP\n");
+        read(
+            &strip(&format!("{STATIC}{first}*END STEP\n{next}")),
+            &[],
+            &[],
+        )
+    };
+    let error = second("", "0.,0.,0.,0.,1.,0.").expect_err("two axes");
+    let expected =
+        "*DLOAD, CENTRIF: its elements rotate about the axis of deck.inp, line 42 as well";
+    assert!(error.contains(expected), "{error}");
+    second("", "0.,0.,0.,0.,0.,1.").or_panic();
+    second(",OP=NEW", "0.,0.,0.,0.,1.,0.").or_panic();
+}
+
 /// Gravity and rotation need a density, be it 0.
 #[test]
 fn loads_on_mass_need_a_density() {
