@@ -262,9 +262,10 @@ where
         for help in HELP.into_iter().filter(|help| presses || help.held == 0.0) {
             let at = match without.take() {
                 Some(at) => at,
-                None => self
-                    .elastic
-                    .configuration(before, moments, now, first, help)?,
+                None => match (self.elastic).configuration(before, moments, now, first, help) {
+                    Err(error) if !first && error.is_astray() => return Ok(None),
+                    made => made?,
+                },
             };
             self.known.check((help, at.is_replaced));
             match self.solve(&at, tolerance, watch) {
@@ -299,8 +300,8 @@ where
             let (mut stuck, mut falls) = (false, false);
             let made = (self.elastic).configuration(before, moments, &now, first, HELP[0]);
             let at = match made {
-                // A boundary that is folded on the way is not the fault of the model.
-                Err(error) if !first && error.is_folded() => {
+                // Where the way went astray, that is not the fault of the model.
+                Err(error) if !first && error.is_astray() => {
                     return Ok(Err(Ended::Lost(Vec::new())));
                 }
                 made => made?,

@@ -22,6 +22,15 @@ impl ModelError {
     pub(crate) fn is_folded(&self) -> bool {
         matches!(*self.fault, Fault::Contact(ContactError::Folded { .. }))
     }
+
+    /// Whether bodies have been moved so far that a boundary is folded or a stiffness or a load is no number within limits.
+    pub(crate) fn is_astray(&self) -> bool {
+        use ProblemError::{Diagonal, NotFinite, Size};
+        let unfit = |error: &ProblemError| {
+            matches!(error, Diagonal { .. } | NotFinite { .. } | Size { .. })
+        };
+        self.is_folded() || matches!(&*self.fault, Fault::Problem(error) if unfit(error))
+    }
 }
 
 /// A part of a model, such as `support 2 on "bottom"`.
