@@ -219,12 +219,12 @@ def _product(times: Callable[[Floats], ArrayLike], place: NDArray[np.int64]) -> 
         of_user = np.empty_like(x)
         of_user[place] = x
         made = _arrays.floats("W", times(of_user))
-        if made.shape not in [x.shape, (len(x), 1)]:
+        if made.size != len(x) or made.size != max(made.shape, default=0):
             raise ValueError(f"W: it returns an array of shape {made.shape} for a vector of shape {x.shape}, and should return W x")
         made = made.ravel()
         if not np.isfinite(made).all():
             worst = int(np.flatnonzero(~np.isfinite(made))[0])
-            raise ValueError(f"W: entry {worst} of W x is {made[worst]}, for x = {of_user}")
+            raise ValueError(f"W: entry {worst} of W x is {made[worst]}")
         return np.ascontiguousarray(made[place])
 
     return product

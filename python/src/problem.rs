@@ -185,6 +185,10 @@ fn of_matrices<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    // The law of a tied node does not matter.
+    let mut slip_bound = beside.slip_bound;
+    let tied = slip_bound.iter_mut().zip(&beside.tied);
+    tied.filter(|of| *of.1).for_each(|of| *of.0 = 0.0);
     let made = ContactProblem::from_matrices(Matrices {
         stiffness,
         load,
@@ -193,7 +197,7 @@ where
         gap,
         interference: beside.interference,
         dependent_rows: beside.dependent_rows,
-        slip_bound: &beside.slip_bound,
+        slip_bound: &slip_bound,
         friction_coefficient: &beside.friction,
         compliance: &beside.compliance,
         coordinates,

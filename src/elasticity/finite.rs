@@ -193,7 +193,7 @@ fn beyond_ln(x: f64) -> f64 {
 }
 
 impl Law {
-    /// ln s of the stretch of the thickness in plane stress, where that of the plane is e to the `plane`: μ (s² − 1) + λ ln(e^plane s) = 0.
+    /// ln s of the stretch of the thickness in plane stress, where that of the plane is e^`plane`: μ (s² − 1) + λ ln(e^plane s) = 0.
     fn thinned(&self, plane: f64) -> f64 {
         let mut ln = 0.0_f64;
         // A convex function of ln s: Newton's method converges from one side after its first step.
@@ -604,7 +604,7 @@ where
         const NEAR: f64 = 1e-12;
         /// The rounding of E where the element has turned.
         const TURNED: f64 = 4.0 * f64::EPSILON;
-        /// The gain of the last step; and in parts of μ, where there is hardly any energy.
+        /// The gain of the last step; and in parts of λ + 2μ, where there is hardly any energy.
         const LAST: [f64; 2] = [1e-20, 1e-28];
         let mut amplitudes = [[0.0; D]; D];
         let strained = |modes: &Amplitudes<D>| {
@@ -642,7 +642,7 @@ where
             let driven = eliminated.driven(&forces);
             let step = eliminated.amplitudes(&driven, &[[0.0; D]; N]);
             let gain: f64 = driven.iter().map(|v| v * v).sum();
-            let none = LAST[1] * self.law.mu * volume;
+            let none = LAST[1] * stiffest;
             let hidden = none + TURNED * (least * stiffest).sqrt();
             let is_near = gain <= NEAR * least + hidden;
             let is_last = gain <= LAST[0] * least + none;

@@ -225,8 +225,8 @@ where
                     "a body of revolution moves along y alone: leave out {name} and loads along it"
                 ),
                 _ if self.motion(k) == Some(0.0) => format!(
-                    "its nodes do not determine the motion {name} of the point, which is held at 0: a load along it would act on nothing, \
-                     so leave it out"
+                    "its nodes do not determine the motion {name} of the point, which is held at 0: a load along it would act on nothing: \
+                     leave the load out"
                 ),
                 _ => format!(
                     "its nodes do not determine the motion {name} of the point: couple nodes that are farther apart and in all directions, or leave out {name} and loads along it"

@@ -536,10 +536,10 @@ impl<const D: usize> Part for Support<D> {
         }
         if let Some(directions) = &self.directions {
             let fault = match self.components().iter().any(Option::is_some) {
-                false => Some("directions are those of x, y and z: state one of these beside them"),
-                true if around => Some(
+                _ if around => Some(
                     "radial, hoop and axial have directions of their own: state them in a support of their own, or leave directions out",
                 ),
+                false => Some("directions are those of x, y and z: state one of these beside them"),
                 true => not_perpendicular(directions),
             };
             if let Some(text) = fault {

@@ -232,7 +232,12 @@ fn laws<const D: usize, K>(
         name("friction_coefficient", "mu", mu.to_vec())?;
     }
     if mu.is_empty() || g.iter().any(|&g| g > 0.0) {
-        let g = g.iter().map(|&g| if g.is_finite() { g } else { 0.0 });
+        // Where a node has Coulomb's law, and where it is tied, the slip bound does not matter.
+        let g = g.iter().enumerate().map(|(i, &g)| match mu.get(i) {
+            Some(&mu) if mu > 0.0 => 0.0,
+            _ if g.is_finite() => g,
+            _ => 0.0,
+        });
         name("slip_bound", "g", g.collect())?;
     }
     let tied = (0..m).map(|i| f64::from(u8::from(problem.is_tied(i))));

@@ -104,7 +104,7 @@ pub(crate) struct Moved {
     pub apart: Vec<f64>,
     /// The tangent of the angle by which each body has turned.
     pub turned: Vec<f64>,
-    /// How far each body has gone that no force reaches and no support holds, 0 of others; of several ranks nothing.
+    /// How far each body has gone that no force reaches and no support holds, 0 for others; empty on several ranks.
     pub gone: Vec<f64>,
 }
 
@@ -123,8 +123,8 @@ impl Moved {
     }
 }
 
-/// How far each body has moved that contact alone could hold and that bears no forces, where that is farther than all others move; 0 of
-/// others. A body that others push out of their way moves as far as they do.
+/// How far each body has moved that contact alone could hold and that bears no forces, where that is farther than all others move; 0 for
+/// others, and where nothing is pressed. A body that others push out of their way moves as far as they do.
 fn gone<const D: usize>(of: &OfBodies<D>, count: usize, body_of: &[u32]) -> Vec<f64>
 where
     ElementKind: Space<D>,
@@ -137,7 +137,10 @@ where
     }
     // Pressures below this part of the largest are what the tolerance has left.
     const PRESSED: f64 = 1e-6;
-    let most = of.contact.pressure.iter().copied().fold(0.0, f64::max);
+    // What is tied has forces, by rows that need no area.
+    let contacts = of.contact.status.iter().zip(&of.contact.pressure);
+    let pressures = contacts.filter(|of| *of.0 != NodeStatus::Tied);
+    let most = pressures.fold(0.0, |most: f64, of| most.max(*of.1));
     let presses = |i: usize| match of.contact.status[i] {
         NodeStatus::Tied => true,
         _ => of.contact.pressure[i] > PRESSED * most,
@@ -164,7 +167,7 @@ where
     }
     let moved = sums.into_iter().enumerate().map(|(body, (number, sum))| {
         let mean = length(sum) / number;
-        let is_gone = meets[body] && !reached[body] && mean > farthest;
+        let is_gone = meets[body] && !reached[body] && mean > farthest && most > 0.0;
         if is_gone { mean } else { 0.0 }
     });
     moved.collect()

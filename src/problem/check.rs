@@ -128,7 +128,7 @@ pub enum ProblemError {
     /// A contact node has two laws of friction.
     #[error(
         "contact node {row} has the slip bound g = {bound:e} (Tresca) and the coefficient of friction μ = {mu:e} (Coulomb), and \
-         only one law can hold there: leave one of them out, or make it 0 at the nodes of the other"
+         only one law can hold there: leave one of them out, or make one of them 0 there"
     )]
     TwoLaws { row: usize, bound: f64, mu: f64 },
     /// A slip bound is negative.

@@ -160,7 +160,7 @@ impl<const D: usize, K> ContactProblem<D, K> {
             // One for both directions: other units would make an ellipse of the disc.
             let compliance = norm_max(&compliance[at(i)]);
             let off = slip_violation(&lambda_t[at(i)], &slip[at(i)], bound[i], compliance);
-            // It changes by no more than the slip does. Without the rounding of either component, slip would have another direction.
+            // The violation changes by no more than the slip does. Without the rounding of either component, slip would have another direction.
             beyond(off, rigid::length(&rounding[m..][at(i)]))
         });
         let is_tied = |i: usize| self.is_tied(i);

@@ -903,8 +903,7 @@ fn bodies_rotate_about_one_axis() {
         )
     };
     let error = second("", "0.,0.,0.,0.,1.,0.").expect_err("two axes");
-    let expected =
-        "*DLOAD, CENTRIF: its elements rotate about the axis of deck.inp, line 42 as well";
+    let expected = "*DLOAD, CENTRIF: some of its elements rotate by deck.inp, line 42 as well";
     assert!(error.contains(expected), "{error}");
     second("", "0.,0.,0.,0.,0.,1.").or_panic();
     second(",OP=NEW", "0.,0.,0.,0.,1.,0.").or_panic();

@@ -23,6 +23,7 @@ fn stacked(shape: SolidShape) -> Mesh<3> {
 /// The largest difference, over the largest entry.
 fn off(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
+    assert!(b.iter().all(|v| v.is_finite()));
     let most = |v: &mut dyn Iterator<Item = f64>| v.fold(0.0, |m: f64, v| m.max(v.abs()));
     most(&mut a.iter().zip(b).map(|(a, b)| a - b)) / most(&mut a.iter().copied())
 }

@@ -681,6 +681,13 @@ fn a_stack_near_tipping_is_no_error() {
         factors = [1.14, -0.736]
         "#;
     let steps = built(&case(&text)).solve(&on_the_cpu(1e-6, Stiffness::Cholesky));
-    let last = steps.unwrap_or_else(|error| panic!("{error}")).pop();
-    assert_ne!(last.map(|step| step.status), Some(Status::Interrupted));
+    let steps = steps.unwrap_or_else(|error| panic!("{error}"));
+    let last = steps.last().expect("a step").status;
+    assert!(
+        matches!(
+            last,
+            Status::Converged | Status::Stagnated | Status::NotHeld
+        ),
+        "{last:?}"
+    );
 }

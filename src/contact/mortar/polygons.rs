@@ -625,8 +625,8 @@ fn rule(own: &Seen, other: &Seen) -> Rule {
     }
 }
 
-/// Integration points of a polygon with their weights, by triangles from its first corner or, `from_centre`, from the centre. A rule that
-/// is not exact gives the same there, whichever corner of its facet is counted first.
+/// Integration points of a polygon with their weights, by triangles from its first corner or, `from_centre`, from the centre.
+/// A rule that is not exact gives the same there, whichever corner of its facet is counted first.
 fn each_point(polygon: &[Flat], rule: Rule, from_centre: bool, mut take: impl FnMut(Flat, f64)) {
     let on_line: &[(f64, f64)] = match rule {
         Rule::Six => &[],

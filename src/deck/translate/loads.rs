@@ -11,8 +11,8 @@ use std::collections::{BTreeMap, HashSet};
 /// Faces with the same pressure: the line, the pressure at the end of each load step, elements and their faces.
 type Pressed = (usize, Vec<f64>, Vec<(u32, usize)>);
 
-/// A rotation: the line, the axis, the square of its speed at the end of each load step, and elements.
-type Rotation = (usize, [u64; 7], Vec<f64>, HashSet<u32>);
+/// A rotation: the line, the square of its speed at the end of each load step, and elements.
+type Rotation = (usize, Vec<f64>, HashSet<u32>);
 
 impl<const D: usize> Translation<'_, '_, D> {
     /// Loads on faces, surfaces and volumes.
@@ -158,25 +158,25 @@ impl<const D: usize> Translation<'_, '_, D> {
         Ok(())
     }
 
-    /// Bodies rotate about one axis at a time.
-    fn one_axis(&self, volumes: &Tracks<(String, [u64; 7])>) -> Result<()> {
+    /// Elements have one rotation at a time.
+    fn one_axis(&mut self, volumes: &Tracks<(String, [u64; 7])>) -> Result<()> {
         let mut earlier: Vec<Rotation> = Vec::new();
-        for ((target, bits), track) in volumes.all.iter().filter(|((_, bits), _)| bits[0] == 1) {
+        for ((target, _), track) in volumes.all.iter().filter(|((_, bits), _)| bits[0] == 1) {
             let values = track.values(&self.times, 0.0);
             let elements: HashSet<u32> = self.loaded(track.line, target)?.into_iter().collect();
-            let meets = |(_, axis, before, on): &&Rotation| {
+            let meets = |(_, before, on): &&Rotation| {
                 let mut both = before.iter().zip(&values);
-                axis != bits && both.any(|(a, b)| a * b != 0.0) && !on.is_disjoint(&elements)
+                both.any(|(a, b)| a * b != 0.0) && !on.is_disjoint(&elements)
             };
             if let Some((line, ..)) = earlier.iter().find(meets) {
                 let text = format!(
-                    "*DLOAD, CENTRIF: its elements rotate about the axis of {} as well, and CalculiX takes the first one alone; state the same \
-                     point and direction, or end that rotation by OP=NEW",
+                    "*DLOAD, CENTRIF: some of its elements rotate by {} as well, and CalculiX takes the first one alone; state the same \
+                     set, point and direction, or end that rotation by OP=NEW",
                     (self.place)(*line)
                 );
-                return Err((track.line, text));
+                self.refuse(track.line, "CENTRIF", text);
             }
-            earlier.push((track.line, *bits, values, elements));
+            earlier.push((track.line, values, elements));
         }
         Ok(())
     }

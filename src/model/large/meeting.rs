@@ -178,7 +178,7 @@ pub(super) fn of_pair<const D: usize>(touches: &[Touch<D>], pair: u32) -> &[Touc
     &touches[first_of(touches, pair)..first_of(touches, pair + 1)]
 }
 
-/// Places nearer to each other than this part of the size of the boundary are at one point.
+/// Places nearer to each other than this part of the size of all are at one point.
 const ONE_POINT: f64 = 1e-9;
 
 /// Places of a pair, by where they were at rest.

@@ -16,8 +16,8 @@ const RANK_TOLERANCE: f64 = 1e-8;
 /// singular with nodes 1e-8 off lines, takes 44 iterations with 1e-6, and 23 with 1e-5 (3e-4 of the arms).
 const ON_A_LINE: f64 = 1e-4;
 /// Weight of the own aggregate of a node where the effect of a smoothing step beyond the row is spread over it: its blocks
-/// may be as large as three times the others. Of equal weights a checkerboard of moduli takes 45 iterations instead of 30; with
-/// the own one alone, whose rotations reach far where it is short, stretched tetrahedra of second order take half as many again.
+/// may be as large as three times the others. With equal weights a checkerboard of moduli takes 45 iterations instead of 30. With
+/// a weight of 100 uniform quadrilaterals take 12 instead of 10.
 const OWN_WEIGHT: f64 = 10.0;
 
 /// The values of M modes at one node with B components.

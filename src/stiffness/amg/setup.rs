@@ -283,7 +283,7 @@ impl Shape {
 }
 
 /// Whether elements of second order are too long and flat for their corners to be the next level: many middles have neighbours much
-/// closer than the corners around them. Errors there are smooth along the close neighbours, and any from corner to corner.
+/// closer than the corners around them. Errors there are smooth along the close neighbours, and arbitrary from corner to corner.
 fn is_stretched<const D: usize>(
     k: &BlockCsr<D>,
     points: &[[f64; D]],

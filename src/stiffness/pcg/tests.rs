@@ -436,8 +436,8 @@ fn bodies_without_supports_are_solved() {
             let what = format!("{parts:?}: {single} and {double} iterations, {held} if held");
             println!("{what}");
             // Where the supported bodies are small enough for an inverse, free ones may be a little too
-            // large for one. (19 iterations for 12 where moduli are 1e7 apart, 15 with a hierarchy in f64.)
-            assert!(single.max(double) <= held.max(10) + 7, "{what}");
+            // large for one. (20 iterations for 12 where moduli are 1e7 apart, 15 with a hierarchy in f64.)
+            assert!(single.max(double) <= held.max(10) + 8, "{what}");
             let free = FloatingBodies::find(&bodies.k, &bodies.points);
             assert_eq!(free.n_modes(), bodies.kernel.len(), "{what}");
         }
