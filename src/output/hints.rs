@@ -124,7 +124,7 @@ impl Moved {
 }
 
 /// How far each body has moved that contact alone could hold and that bears no forces, where that is farther than all others move; 0 for
-/// others, and where nothing is pressed. A body that others push out of their way moves as far as they do.
+/// others, and where no other one moves. A body that others push out of their way moves as far as they do.
 fn gone<const D: usize>(of: &OfBodies<D>, count: usize, body_of: &[u32]) -> Vec<f64>
 where
     ElementKind: Space<D>,
@@ -167,7 +167,7 @@ where
     }
     let moved = sums.into_iter().enumerate().map(|(body, (number, sum))| {
         let mean = length(sum) / number;
-        let is_gone = meets[body] && !reached[body] && mean > farthest && most > 0.0;
+        let is_gone = meets[body] && !reached[body] && mean > farthest && farthest > 0.0;
         if is_gone { mean } else { 0.0 }
     });
     moved.collect()
