@@ -150,6 +150,8 @@ def test_manners() -> None:
     with pytest.raises(signorini.SolveError) as caught:
         signorini.solve_delassus(lambda x: W @ x, q, **once, check=True)
     assert caught.value.solution.status == "iteration_limit"
+    # A row will do for W x.
+    assert signorini.solve_delassus(lambda x: (W @ x)[None], q, friction=0.3, diagonal=np.diag(W)).products >= 1
     unsymmetric = W.copy()
     unsymmetric[2, 5] += 1.0
     wrong: list[tuple[dict[str, Any], str]] = [
@@ -157,7 +159,7 @@ def test_manners() -> None:
         ({"W": W[:3, :3]}, "W: q has 30 entries, and W is 3 × 3"),
         ({"W": lambda x: x[:3], "diagonal": 1.0}, r"W: it returns an array of shape \(3,\) for a vector of shape \(30,\)"),
         ({"W": lambda x: np.eye(30), "diagonal": 1.0}, r"W: it returns an array of shape \(30, 30\)"),
-        ({"W": lambda x: np.nan * x}, "W: entry 0 of W x is nan, for x = "),
+        ({"W": lambda x: np.nan * x}, "W: entry 0 of W x is nan"),
         ({"W": 1e-100 * np.eye(30)}, "the diagonal of W: entry 0 is 1e-100"),
         ({"W": -W}, "W is not positive semidefinite: its diagonal entry 0"),
         ({"q": q[:-1]}, "q: 29 entries are not a multiple of dimension = 3"),
