@@ -123,8 +123,8 @@ impl Moved {
     }
 }
 
-/// How far each body has moved that contact alone could hold and that bears no forces, where that is farther than all others move; 0 for
-/// others, and where no other one moves. A body that others push out of their way moves as far as they do.
+/// The mean displacement of each body that only contact could hold and that bears no forces, if it is larger than all displacements of
+/// bodies that bear forces; else 0. It is 0 as well if these do not move. A body that others push aside moves as far as they do.
 fn gone<const D: usize>(of: &OfBodies<D>, count: usize, body_of: &[u32]) -> Vec<f64>
 where
     ElementKind: Space<D>,

@@ -501,7 +501,7 @@ pub(super) fn gap(d: &mut [f64]) -> Result<(), ProblemError> {
     bounded("the gap d", d, UNREACHABLE)
 }
 
-/// The diagonal of W is valid: its inverse stands for K.
+/// The diagonal of W, whose inverse takes the place of K, is valid.
 pub(super) fn delassus(diagonal: &[f64]) -> Result<(), ProblemError> {
     let name = "the diagonal of W";
     finite(name, diagonal)?;

@@ -10,6 +10,16 @@ fn noise(seed: usize) -> f64 {
     2.0 * (x - x.floor()) - 1.0
 }
 
+/// A vector turned in the plane of the first two axes.
+fn turned_about_last<const D: usize>(v: [f64; D], angle: f64) -> [f64; D] {
+    let (sin, cos) = angle.sin_cos();
+    std::array::from_fn(|c| match c {
+        0 => cos * v[0] - sin * v[1],
+        1 => sin * v[0] + cos * v[1],
+        _ => v[c],
+    })
+}
+
 fn noisy<const D: usize>(n: usize, size: f64, seed: usize) -> Vec<[f64; D]> {
     let of = |i: usize| std::array::from_fn(|c| size * noise(seed + D * i + c));
     (0..n).map(of).collect()
@@ -90,14 +100,7 @@ where
     if body.plane == Plane::Axisymmetric && D == 2 {
         return;
     }
-    let (sin, cos) = 1.9_f64.sin_cos();
-    let turned = |v: [f64; D]| -> [f64; D] {
-        std::array::from_fn(|c| match c {
-            0 => cos * v[0] - sin * v[1],
-            1 => sin * v[0] + cos * v[1],
-            _ => v[c],
-        })
-    };
+    let turned = |v| turned_about_last(v, 1.9);
     let whole = body.mesh.nodes.iter().zip(&u).map(|(x, u)| {
         let there = turned(std::array::from_fn(|c| x[c] + u[c]));
         std::array::from_fn(|c| there[c] - x[c])
@@ -312,18 +315,11 @@ where
 {
     let n = body.mesh.nodes.len();
     let (k, _) = assemble(body, &free::<D>(n), &vec![[0.0; D]; n]);
-    let (sin, cos) = 0.7_f64.sin_cos();
+    let turned = |v| turned_about_last(v, 0.7);
     for size in [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4] {
         let u = noisy::<D>(n, size, 7);
         let mut expected = vec![[0.0; D]; n];
         k.mul(u.as_flattened(), expected.as_flattened_mut());
-        let turned = |v: [f64; D]| -> [f64; D] {
-            std::array::from_fn(|c| match c {
-                0 => cos * v[0] - sin * v[1],
-                1 => sin * v[0] + cos * v[1],
-                _ => v[c],
-            })
-        };
         let whole = body.mesh.nodes.iter().zip(&u).map(|(x, u)| {
             let (there, by) = (turned(*x), turned(*u));
             std::array::from_fn(|c| there[c] - x[c] + by[c])

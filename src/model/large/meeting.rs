@@ -282,8 +282,8 @@ where
     }
 
     /// How far the sides of a place are apart, where nodes of the mesh are at these positions. Where some are held, it is measured along
-    /// each of these directions as the row along it says, because the forces act on the same nodes. Positions count from the place: the
-    /// weights of either side add up to 1 but for rounding, which far from the origin is longer than the slip.
+    /// each of these directions as the row along it says, because the forces act on the same nodes. Positions count from the place:
+    /// rounding of the weights, times positions far from the origin, would exceed the slip.
     fn apart(
         place: &ContactPlace<D>,
         frame: &[[f64; D]; D],
