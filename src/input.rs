@@ -1,7 +1,8 @@
-//! Files that are read whole, up to a limit.
+//! Files that are read whole, up to a limit, and the pieces of their texts.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read as _, Result};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -71,6 +72,26 @@ pub(crate) fn whole(path: &Path, limit: usize) -> Result<Vec<u8>> {
         return Err(too_large());
     }
     Ok(bytes)
+}
+
+/// Ranges of about `piece` bytes that end after a byte that `ends` them.
+pub(crate) fn pieces(text: &[u8], piece: usize, ends: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let mut start = 0;
+    while start < text.len() {
+        let least = (start + piece).min(text.len());
+        // A piece that ends there does not need the next byte.
+        let end = (text[least - 1..].iter().position(|&byte| ends(byte)))
+            .map_or(text.len(), |more| least + more);
+        pieces.push(start..end);
+        start = end;
+    }
+    pieces
+}
+
+/// Ranges of about `piece` bytes that end where lines end.
+pub(crate) fn line_pieces(text: &[u8], piece: usize) -> Vec<Range<usize>> {
+    pieces(text, piece, |byte| byte == b'\n')
 }
 
 #[cfg(unix)]

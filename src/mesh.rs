@@ -43,6 +43,7 @@ use vector::minus;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A mesh in D dimensions: nodes (coordinates in metres, or the user's unit of length), elements, and named parts.
 #[derive(Clone, Debug)]
@@ -355,6 +356,11 @@ where
     /// If elements or boundaries refer to missing nodes or regions, elements have no area (volume), fold over themselves or
     /// overlap, or neighbours do not share the nodes between them.
     pub fn from_parts(parts: MeshParts<D>) -> Result<Self, MeshError> {
+        Self::checked(parts, true)
+    }
+
+    /// [`Self::from_parts`], where elements may have copies or have none.
+    fn checked(parts: MeshParts<D>, may_have_copies: bool) -> Result<Self, MeshError> {
         let mut mesh = Self {
             nodes: parts.nodes,
             elements: parts.elements,
@@ -381,7 +387,9 @@ where
         if let Some(first) = faults.find_first(|_| true) {
             return Err(first);
         }
-        mesh.merge_copies();
+        if may_have_copies {
+            mesh.merge_copies();
+        }
         mesh.check_overlaps()?;
         mesh.match_neighbours()?;
         mesh.direct_boundaries();
@@ -401,21 +409,23 @@ where
         let (n_nodes, n_regions) = (self.nodes.len(), self.regions.len());
         let missing =
             |nodes: &[u32]| (nodes.iter().copied()).find(|&node| node as usize >= n_nodes);
-        for (number, element) in self.elements.iter().enumerate() {
+        let fault = |(number, element): (usize, &Element<D>)| {
             if let Some(node) = missing(element.nodes()) {
-                return Err(MeshError::NoSuchNode {
+                return Some(MeshError::NoSuchNode {
                     element: number,
                     node,
                     n_nodes,
                 });
             }
-            if element.region as usize >= n_regions {
-                return Err(MeshError::NoSuchRegion {
-                    element: number,
-                    region: element.region,
-                    n_regions,
-                });
-            }
+            (element.region as usize >= n_regions).then_some(MeshError::NoSuchRegion {
+                element: number,
+                region: element.region,
+                n_regions,
+            })
+        };
+        let elements = self.elements.par_iter().enumerate();
+        if let Some(first) = elements.filter_map(fault).find_first(|_| true) {
+            return Err(first);
         }
         for (name, facets) in &self.boundaries {
             if let Some(node) = facets.iter().find_map(|facet| missing(facet.as_ref())) {
@@ -446,21 +456,24 @@ where
     }
 
     fn drop_unused_nodes(&mut self) {
-        let mut new_number = vec![u32::MAX; self.nodes.len()];
-        for element in &self.elements {
-            for &node in element.nodes() {
-                new_number[node as usize] = 0;
-            }
-        }
-        if new_number.iter().all(|&number| number == 0) {
+        let used: Vec<AtomicBool> = self.nodes.iter().map(|_| AtomicBool::new(false)).collect();
+        self.elements.par_iter().for_each(|element| {
+            let nodes = element.nodes().iter();
+            nodes.for_each(|&node| used[node as usize].store(true, Ordering::Relaxed));
+        });
+        let used: Vec<bool> = used.into_iter().map(AtomicBool::into_inner).collect();
+        if used.iter().all(|&used| used) {
             return;
         }
+        let mut new_number = vec![u32::MAX; self.nodes.len()];
         let mut kept = Vec::new();
-        for (node, number) in new_number.iter_mut().enumerate() {
-            if *number == 0 {
-                *number = kept.len() as u32;
-                kept.push(self.nodes[node]);
-            }
+        for (node, number) in new_number
+            .iter_mut()
+            .enumerate()
+            .filter(|(node, _)| used[*node])
+        {
+            *number = kept.len() as u32;
+            kept.push(self.nodes[node]);
         }
         self.nodes = kept;
         for (name, set) in &mut self.node_sets {

@@ -1,5 +1,6 @@
 //! The text of a file: its header, and the entries of its lines by several tasks at once.
 
+use crate::input::line_pieces;
 use crate::memory;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -244,21 +245,6 @@ impl Header<'_> {
         }
         Ok((i, j, number(words.next())?))
     }
-}
-
-/// Ranges of about `piece` bytes that end where lines end.
-fn line_pieces(text: &[u8], piece: usize) -> Vec<Range<usize>> {
-    let mut pieces = Vec::new();
-    let mut start = 0;
-    while start < text.len() {
-        let least = (start + piece).min(text.len());
-        // A piece that ends with a line does not need the next one.
-        let end = (text[least - 1..].iter().position(|&b| b == b'\n'))
-            .map_or(text.len(), |more| least + more);
-        pieces.push(start..end);
-        start = end;
-    }
-    pieces
 }
 
 /// Parses some of the lines of a text, up to the first that cannot be read.

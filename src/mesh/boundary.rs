@@ -1,7 +1,8 @@
 //! Boundaries: the direction of their facets, and which of them are on the outside of the body.
 
 use super::element::{facet_corners, facet_nodes, unsided};
-use super::{BoundaryError, Element, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology};
+use super::{BoundaryError, ElementKind, Facet, FacetFault, FaultKind, Mesh, Topology};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 impl<const D: usize> Mesh<D>
@@ -18,10 +19,14 @@ where
         // facet has one owner. Corners identify facets, because a file may leave out the nodes between them.
         let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
         if !self.boundaries.is_empty() {
-            for facet in self.elements.iter().flat_map(Element::facets) {
-                if (facet_corners(&facet).iter()).all(|&node| on_boundary[node as usize]) {
-                    owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
-                }
+            let is_there = |facet: &Facet<D>| {
+                (facet_corners(facet).iter()).all(|&node| on_boundary[node as usize])
+            };
+            let facets: Vec<Facet<D>> = (self.elements.par_iter())
+                .flat_map_iter(|element| element.facets().filter(is_there))
+                .collect();
+            for facet in facets {
+                owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
             }
         }
         for (name, facets) in &mut self.boundaries {
@@ -79,12 +84,10 @@ where
             }
         };
         let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
-        for facet in self
-            .elements
-            .iter()
-            .flat_map(Element::facets)
-            .filter(is_there)
-        {
+        let facets: Vec<Facet<D>> = (self.elements.par_iter())
+            .flat_map_iter(|element| element.facets().filter(is_there))
+            .collect();
+        for facet in facets {
             owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
         }
         let outer = owners.into_values().filter(|(count, _)| *count == 1);

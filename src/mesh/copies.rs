@@ -38,8 +38,47 @@ impl Copies {
     }
 }
 
-/// Keeps one element of each set of copies. `union` gives the region that is in both of an element and a copy of it. Nodes are
-/// numbered below `n_nodes`.
+/// The entries that `of` gives for each number below n, in lists that are sorted and follow each other: those with one key are neighbours
+/// in one of them. Keys begin with a number below `n_nodes`.
+pub(super) fn sorted<R: Copy + Ord + Send + Sync, I: Iterator<Item = ([u32; 4], R)>>(
+    n: usize,
+    n_nodes: usize,
+    of: impl Fn(usize) -> I + Sync,
+) -> Vec<Vec<([u32; 4], R)>> {
+    // Of small meshes one each; of large ones enough for many threads, and lists that are sorted within the cache.
+    let tasks = n.div_ceil(1 << 12).min(64);
+    let nodes = n_nodes.div_ceil(512).max(256).next_power_of_two();
+    let parts: Vec<Vec<Vec<_>>> = (0..tasks)
+        .into_par_iter()
+        .map(|task| {
+            let mut lists = vec![Vec::new(); n_nodes.div_ceil(nodes)];
+            for number in task * n / tasks..(task + 1) * n / tasks {
+                for entry in of(number) {
+                    lists[entry.0[0] as usize >> nodes.ilog2()].push(entry);
+                }
+            }
+            lists
+        })
+        .collect();
+    // Compares faster than an array.
+    let packed = |key: &[u32; 4]| {
+        key.iter()
+            .fold(0, |all: u128, &k| all << 32 | u128::from(k))
+    };
+    (0..n_nodes.div_ceil(nodes))
+        .into_par_iter()
+        .map(|list| {
+            let mut all = Vec::with_capacity(parts.iter().map(|part| part[list].len()).sum());
+            parts
+                .iter()
+                .for_each(|part| all.extend_from_slice(&part[list]));
+            all.sort_unstable_by_key(|&(key, rest)| (packed(&key), rest));
+            all
+        })
+        .collect()
+}
+
+/// Keeps one element of each set of copies. `union` gives the region that is in both of an element and a copy of it.
 pub(super) fn merge<const D: usize, E>(
     elements: &mut Vec<Element<D>>,
     n_nodes: usize,
@@ -48,38 +87,25 @@ pub(super) fn merge<const D: usize, E>(
 where
     ElementKind: Topology<D>,
 {
-    // The elements by their lowest node: few share that.
-    let lowest = |element: &Element<D>| element.nodes().iter().copied().min().unwrap_or(0) as usize;
-    let mut begin = vec![0u32; n_nodes + 1];
-    for element in &*elements {
-        begin[lowest(element) + 1] += 1;
-    }
-    for node in 0..n_nodes {
-        begin[node + 1] += begin[node];
-    }
-    let mut next = begin.clone();
-    let mut order = vec![0u32; elements.len()];
-    for (number, element) in (0..).zip(&*elements) {
-        let place = &mut next[lowest(element)];
-        order[*place as usize] = number;
-        *place += 1;
-    }
     let key = |element: &Element<D>| {
         let mut nodes = [u32::MAX; MOST_NODES];
         nodes[..element.nodes().len()].copy_from_slice(element.nodes());
-        nodes.sort_unstable();
+        nodes[..element.nodes().len()].sort_unstable();
         nodes
     };
+    // The elements by their lowest nodes: hardly any two have the first four in common.
+    let lowest = |number: usize| {
+        let [a, b, c, d, ..] = key(&elements[number]);
+        std::iter::once(([a, b, c, d], number as u32))
+    };
+    let mut order = sorted(elements.len(), n_nodes, lowest);
     const COPY: u32 = u32::MAX;
     let mut copies = false;
-    for node in 0..n_nodes {
-        let same = &mut order[begin[node] as usize..begin[node + 1] as usize];
-        if same.len() < 2 {
-            continue;
-        }
-        same.sort_unstable_by_key(|&number| (key(&elements[number as usize]), number));
-        let mut first = same[0] as usize;
-        for &number in &same[1..] {
+    let alike = (order.iter_mut()).flat_map(|list| list.chunk_by_mut(|a, b| a.0 == b.0));
+    for same in alike.filter(|same| same.len() > 1) {
+        same.sort_unstable_by_key(|&(_, number)| (key(&elements[number as usize]), number));
+        let mut first = same[0].1 as usize;
+        for &(_, number) in &same[1..] {
             let number = number as usize;
             if key(&elements[first]) != key(&elements[number]) {
                 first = number;
@@ -170,9 +196,10 @@ where
     /// quadrilateral is also identified by the triangles of its corners, where there are facets with three.
     pub(super) fn check_overlaps(&self) -> Result<(), MeshError> {
         let corners = |wanted: usize| {
-            let mut facets =
-                (self.elements.iter()).flat_map(|element| element.kind().linear().facets());
-            facets.any(|facet| facet.len() == wanted)
+            (self.elements.par_iter()).any(|element| {
+                let mut facets = element.kind().linear().facets().iter();
+                facets.any(|facet| facet.len() == wanted)
+            })
         };
         let mixed = corners(3) && corners(4);
         // The corners as seen from outside, the lowest first, without that at `out`; an edge has a first and a last one.
@@ -189,20 +216,17 @@ where
             key
         };
         const NONE: usize = usize::MAX;
-        let mut sides: Vec<([u32; 4], u32)> = (0..self.elements.len())
-            .into_par_iter()
-            .flat_map_iter(|number| {
-                self.elements[number].facets().flat_map(move |facet| {
-                    let quad = facet_corners(&facet).len() == 4;
-                    let parts = if mixed && quad { 0..4 } else { 0..0 };
-                    let key = move |out| (seen(facet_corners(&facet), out), number as u32);
-                    std::iter::once(NONE).chain(parts).map(key)
-                })
+        let sides = sorted(self.elements.len(), self.nodes.len(), |number| {
+            self.elements[number].facets().flat_map(move |facet| {
+                let quad = facet_corners(&facet).len() == 4;
+                let parts = if mixed && quad { 0..4 } else { 0..0 };
+                let key = move |out| (seen(facet_corners(&facet), out), number as u32);
+                std::iter::once(NONE).chain(parts).map(key)
             })
-            .collect();
-        sides.par_sort_unstable();
-        let pairs = sides.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-        let Some(pair) = pairs.min_by_key(|pair| pair[1].1) else {
+        });
+        let pairs = (sides.par_iter()).flat_map_iter(|list| list.windows(2));
+        let same = pairs.filter(|pair| pair[0].0 == pair[1].0);
+        let Some(pair) = same.min_by_key(|pair| (pair[1].1, pair[0].0)) else {
             return Ok(());
         };
         let corners = pair[0].0.iter().filter(|&&node| node != u32::MAX);

@@ -13,7 +13,7 @@ mod v4;
 pub(super) mod write;
 
 use super::file::build::build;
-use super::file::raw::{Cell, Raw};
+use super::file::raw::{Cell, MOST_NODES, Raw};
 use super::file::{self, FileError, Result};
 use super::{AnyMesh, ElementKind};
 use reader::Reader;
@@ -138,14 +138,30 @@ fn cell(reader: &Reader, kind: i64) -> Result<Cell> {
     }
 }
 
-/// The nodes of an element that has them in Gmsh's order, in ours.
-fn in_our_order<T: Copy>(cell: Cell, nodes: &mut [T]) {
-    if let Cell::Element(kind) = cell
-        && let Some(order) = order(kind)
-    {
-        let listed = nodes.to_vec();
-        (nodes.iter_mut().zip(order)).for_each(|(node, &place)| *node = listed[place]);
+/// Reads the numbers of the nodes of an element, and adds ours in our order.
+fn nodes_of<'a>(
+    cell: Cell,
+    number: impl Fn(&mut Reader<'a>) -> Result<usize>,
+    reader: &mut Reader<'a>,
+    raw: &Raw,
+    nodes: &mut Vec<u32>,
+) -> Result<()> {
+    let tags = &mut [0; MOST_NODES][..cell.n_nodes()];
+    for tag in &mut *tags {
+        *tag = number(reader)?;
     }
+    let order = match cell {
+        Cell::Element(kind) => order(kind),
+        _ => None,
+    };
+    for place in 0..tags.len() {
+        let tag = tags[order.map_or(place, |order| order[place])];
+        let Some(node) = raw.node(tag) else {
+            return reader.fail(format!("an element names node {tag}, which does not exist"));
+        };
+        nodes.push(node);
+    }
+    Ok(())
 }
 
 /// The nodes of an element, in the order in which Gmsh lists them.

@@ -1,4 +1,5 @@
 mod solid;
+mod threads;
 
 use super::structured::{CellShape, SolidShape, block, join, rectangle, shared_name};
 use super::*;

@@ -8,10 +8,14 @@ mod data;
 mod xml;
 
 use super::ElementKind;
-use super::file::raw::{Cell, MOST_NODES, Raw};
+use super::file::raw::{Cell, Listed, Raw};
 use super::file::{self, Failure, FileError, Result};
 use data::{File, Values};
+use rayon::prelude::*;
 use std::path::Path;
+
+/// Cells that one task reads.
+const CELLS: usize = 1 << 12;
 
 /// Cell arrays that programs use for regions, for cases that name none: the first one in the file counts.
 const ARRAYS: [&str; 10] = [
@@ -60,13 +64,15 @@ fn parse(bytes: &[u8], groups: Option<&str>) -> Result<Raw> {
         return no_mesh("types and offsets differ in length");
     }
     let groups = Groups::find(&file, groups, types.len())?;
-    let mut begin = 0;
-    for (number, (&kind, &end)) in types.iter().zip(&offsets).enumerate() {
-        let end = usize::try_from(end).unwrap_or(usize::MAX);
+    let n_nodes = raw.nodes.len();
+    let add = |number: usize, listed: &mut Listed| {
+        let begin = number.checked_sub(1).map_or(0, |before| offsets[before]);
+        let [begin, end] =
+            [begin, offsets[number]].map(|end| usize::try_from(end).unwrap_or(usize::MAX));
         let Some(points) = connectivity.get(begin..end) else {
             return no_mesh(format!("cell {number} has offsets beyond its connectivity"));
         };
-        begin = end;
+        let kind = types[number];
         let (cell, order) = cell(kind, number)?;
         if points.len() != cell.n_nodes() {
             let message = format!(
@@ -76,21 +82,30 @@ fn parse(bytes: &[u8], groups: Option<&str>) -> Result<Raw> {
             );
             return no_mesh(message);
         }
-        let nodes = &mut [0; MOST_NODES][..cell.n_nodes()];
-        for (node, place) in nodes.iter_mut().zip(0..) {
+        listed.cells.push((cell, groups.tag(number)));
+        for place in 0..points.len() {
             let point = points[order.map_or(place, |order| order[place])];
-            *node = match u32::try_from(point) {
-                Ok(point) if (point as usize) < raw.nodes.len() => point,
+            match u32::try_from(point) {
+                Ok(point) if (point as usize) < n_nodes => listed.nodes.push(point),
                 _ => {
                     return no_mesh(format!(
                         "cell {number} names point {point}, which does not exist"
                     ));
                 }
-            };
+            }
         }
-        let set = raw.groups.number(groups.tag(number));
-        raw.push(cell, set, nodes);
-    }
+        Ok(())
+    };
+    let parts: Vec<Result<Listed>> = (0..types.len().div_ceil(CELLS))
+        .into_par_iter()
+        .map(|task| {
+            let mut listed = Listed::default();
+            let mut numbers = task * CELLS..((task + 1) * CELLS).min(types.len());
+            numbers.try_for_each(|number| add(number, &mut listed))?;
+            Ok(listed)
+        })
+        .collect();
+    raw.push_listed(parts.into_iter().collect::<Result<_>>()?);
     for (tag, name) in groups.names() {
         for dimension in 1..4 {
             raw.names.insert((dimension, tag), name.clone());
@@ -199,31 +214,26 @@ impl Groups {
         Ok(Self(Some(values)))
     }
 
-    /// The group of a cell as a number above 0.
-    fn tag(&self, cell: usize) -> Option<i64> {
-        let value = self.0.as_ref()?[cell];
-        // Tags are unsigned, and 0 means none.
-        Some(if value >= 0 {
-            value + 1
-        } else {
-            (1 << 40) - value
-        })
+    /// The group of a cell as a number above 0; 0 without groups.
+    fn tag(&self, cell: usize) -> i64 {
+        self.0.as_ref().map_or(0, |values| tag(values[cell]))
     }
 
     /// The name of each group: its value.
-    fn names(&self) -> Vec<(u64, String)> {
-        let mut names: Vec<(u64, String)> = (0..self.0.as_ref().map_or(0, Vec::len))
-            .filter_map(|cell| Some((self.tag(cell)?.unsigned_abs(), cell)))
-            .map(|(tag, cell)| {
-                (
-                    tag,
-                    self.0.as_ref().map_or(0, |values| values[cell]).to_string(),
-                )
-            })
-            .collect();
-        names.sort_unstable();
-        names.dedup();
-        names
+    fn names(self) -> impl Iterator<Item = (u64, String)> {
+        let mut values = self.0.unwrap_or_default();
+        values.par_sort_unstable();
+        values.dedup();
+        (values.into_iter()).map(|value| (tag(value).unsigned_abs(), value.to_string()))
+    }
+}
+
+/// A value as a number above 0: tags are unsigned, and 0 means none.
+fn tag(value: i64) -> i64 {
+    if value >= 0 {
+        value + 1
+    } else {
+        (1 << 40) - value
     }
 }
 

@@ -4,10 +4,12 @@ use super::keyword::key;
 use super::parts::{Assembly, Instance, Member, Part, Set, Sets, Surface};
 use super::types::face;
 use super::{Failure, Result};
+use crate::mesh::copies::sorted;
 use crate::mesh::element::unsided;
-use crate::mesh::file::raw::{Cell, Raw};
+use crate::mesh::file::raw::{Cell, Numbers, Raw};
 use crate::mesh::vector::{cross, dot, minus, unit};
 use crate::mesh::{Element, ElementKind, Facet, Topology, facet_corners, facet_nodes};
+use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 
 /// A part in its place; all of a flat file is one.
@@ -23,7 +25,7 @@ pub(super) struct Placed<'a> {
 
 impl Placed<'_> {
     /// Its nodes or elements by their numbers in the file, and where ours begin.
-    fn labels(&self, of_nodes: bool) -> (&HashMap<u64, u32>, u32) {
+    fn labels(&self, of_nodes: bool) -> (&Numbers, u32) {
         if of_nodes {
             (&self.part.node_of, self.first_node)
         } else {
@@ -135,8 +137,26 @@ impl<'a> Flat<'a> {
             first_element: self.cells.len() as u32,
         };
         self.raw.nodes.extend(part.nodes.iter().map(|&x| moved(x)));
+        let before = self.nodes_of_cells.len();
+        let elements = part.elements.iter();
+        (self.cells).extend(elements.map(|&(cell, begin)| (cell, before + begin)));
+        let own = |&label: &u64| Some(placed.first_node + part.node_of.get(label)?);
+        let nodes: Option<Vec<u32>> = match part.instances.is_empty() {
+            true => part.labels.par_iter().map(own).collect(),
+            false => None,
+        };
+        match nodes {
+            Some(nodes) => self.nodes_of_cells.extend(nodes),
+            None => self.add_nodes(&placed)?,
+        }
+        self.placed.push(placed);
+        Ok(())
+    }
+
+    /// Adds the nodes of elements, some of which instances may have, or there may be none.
+    fn add_nodes(&mut self, placed: &Placed<'a>) -> Result<()> {
+        let part = placed.part;
         for (&(cell, begin), &line) in part.elements.iter().zip(&part.lines) {
-            self.cells.push((cell, self.nodes_of_cells.len()));
             for at in begin..begin + cell.n_nodes() {
                 let label = part.labels[at];
                 let (of, first) = match part.instances.get(&at) {
@@ -150,14 +170,13 @@ impl<'a> Flat<'a> {
                         (found.part, found.first_node)
                     }
                 };
-                let Some(node) = of.node_of.get(&label) else {
+                let Some(node) = of.node_of.get(label) else {
                     let text = format!("an element names node {label}, which does not exist");
                     return Err(Failure::line(line, text));
                 };
                 self.nodes_of_cells.push(first + node);
             }
         }
-        self.placed.push(placed);
         Ok(())
     }
 
@@ -437,7 +456,7 @@ impl<'a> Flat<'a> {
                     let inside = |label: u64| {
                         (*from..=*to).contains(&label) && (label - from).is_multiple_of(*step)
                     };
-                    let all = labels.iter().filter(|label| inside(*label.0));
+                    let all = labels.iter().filter(|label| inside(label.0));
                     found.extend(all.map(|(_, place)| first + place));
                 }
                 Member::NodesOf(name) if depth < DEEPEST => {
@@ -534,7 +553,7 @@ impl<'a> Flat<'a> {
         label: u64,
     ) -> Result<u32> {
         let (labels, first) = self.placed(number, line, instance)?.labels(of_nodes);
-        let found = labels.get(&label);
+        let found = labels.get(label);
         found.map(|place| first + place).ok_or_else(|| {
             let what = if of_nodes { "node" } else { "element" };
             Failure::line(
@@ -551,6 +570,8 @@ impl<'a> Flat<'a> {
         let mut regions = self.regions.iter().peekable();
         let mut tags = Vec::new();
         let (mut last, mut set) = (Vec::new(), 0);
+        // Of each element that a mesh has: its kind, its set and where its nodes begin.
+        let mut listed = Vec::with_capacity(self.cells.len());
         for (number, &(cell, begin)) in (0..).zip(&self.cells) {
             tags.clear();
             let of = match cell {
@@ -568,11 +589,17 @@ impl<'a> Flat<'a> {
                 set = self.raw.groups.number(tags.iter().copied());
                 last.clone_from(&tags);
             }
-            let nodes = &self.nodes_of_cells[begin..][..cell.n_nodes()];
             // A mass or a spring at a node makes no set of nodes.
             if cell != Cell::Point {
-                self.raw.push(cell, set, nodes);
+                listed.push((cell, set, begin));
             }
+        }
+        let follows =
+            |a: &(Cell, u32, usize), b: &(Cell, u32, usize)| (a.0, a.1, a.2 + a.0.n_nodes()) == *b;
+        for run in listed.chunk_by(follows) {
+            let (cell, set, begin) = run[0];
+            let nodes = &self.nodes_of_cells[begin..][..run.len() * cell.n_nodes()];
+            self.raw.push_all(cell, set, nodes);
         }
     }
 
@@ -580,12 +607,15 @@ impl<'a> Flat<'a> {
     fn add_boundaries(&mut self) {
         let is_solid = !self.raw.solids.is_empty();
         let mut all = std::mem::take(&mut self.boundaries);
-        let (outside, is_middle) = if is_solid {
-            outer(&self.raw.solids, self.raw.nodes.len())
-        } else {
-            outer(&self.raw.faces, self.raw.nodes.len())
-        };
         let mut inside = vec![false; self.raw.nodes.len()];
+        let of_sets = self.node_sets.iter().flat_map(|set| &set.1);
+        of_sets.for_each(|&node| inside[node as usize] = true);
+        let (outside, is_middle) = if is_solid {
+            outer(&self.raw.solids, &inside)
+        } else {
+            outer(&self.raw.faces, &inside)
+        };
+        inside.fill(false);
         let facets = self.dimension() - 1;
         for (tag, nodes) in &self.node_sets {
             let name = &self.raw.names[&(0, *tag as u64)];
@@ -623,25 +653,33 @@ impl<'a> Flat<'a> {
     }
 }
 
-/// The nodes of the facets that belong to exactly one element, corners first, with the number of corners; and the midside
-/// nodes among so many nodes.
+/// The nodes of the facets that belong to exactly one element and have all corners among some nodes, corners first, with the number of
+/// corners; and which nodes are midside nodes.
 fn outer<const D: usize>(
     elements: &[Element<D>],
-    n_nodes: usize,
+    among: &[bool],
 ) -> (Vec<(Vec<u32>, usize)>, Vec<bool>)
 where
     ElementKind: Topology<D>,
 {
-    let mut times: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
-    for facet in elements.iter().flat_map(Element::facets) {
-        times.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
-    }
-    let mut outside: Vec<(Vec<u32>, usize)> = (times.into_values())
-        .filter(|(times, _)| *times == 1)
-        .map(|(_, facet)| (facet_nodes(&facet).to_vec(), facet_corners(&facet).len()))
+    let is_among = |facet: &Facet<D>| {
+        let mut corners = facet_corners(facet).iter();
+        corners.all(|&corner| among[corner as usize])
+    };
+    let lists = sorted(elements.len(), among.len(), |number| {
+        let facets = elements[number].facets().filter(is_among);
+        facets.map(|facet| (unsided(&facet), facet))
+    });
+    let single = |same: &&[([u32; 4], Facet<D>)]| same.len() == 1;
+    let mut outside: Vec<(Vec<u32>, usize)> = (lists.par_iter())
+        .flat_map_iter(|list| list.chunk_by(|a, b| a.0 == b.0).filter(single))
+        .map(|same| {
+            let facet = &same[0].1;
+            (facet_nodes(facet).to_vec(), facet_corners(facet).len())
+        })
         .collect();
     outside.sort_unstable();
-    let mut is_middle = vec![false; n_nodes];
+    let mut is_middle = vec![false; among.len()];
     for element in elements {
         for &node in &element.nodes()[element.kind().n_corners()..] {
             is_middle[node as usize] = true;

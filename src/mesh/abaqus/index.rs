@@ -307,7 +307,7 @@ impl Index<'_> {
     pub fn node_numbers(&self) -> Vec<u64> {
         let mut numbers = vec![0; self.flat.raw.nodes.len()];
         for placed in &self.flat.placed {
-            for (&label, &node) in &placed.part.node_of {
+            for (label, node) in placed.part.node_of.iter() {
                 numbers[(placed.first_node + node) as usize] = label;
             }
         }
@@ -506,7 +506,7 @@ impl Index<'_> {
         let mut all = Vec::new();
         for placed in &self.flat.placed {
             let mut labels = vec![0; placed.part.elements.len()];
-            for (&label, &own) in &placed.part.element_of {
+            for (label, own) in placed.part.element_of.iter() {
                 labels[own as usize] = label;
             }
             for (own, (label, &line)) in (0..).zip(labels.into_iter().zip(&placed.part.lines)) {

@@ -17,6 +17,47 @@ pub(crate) fn is_keyword(line: &str) -> bool {
     line.starts_with('*') && !line.starts_with("**")
 }
 
+/// The lines of a text, counted from 1.
+pub(crate) struct Lines<'a> {
+    rest: &'a str,
+    /// How many have been taken.
+    pub taken: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub fn new(text: &'a str) -> Self {
+        Self {
+            rest: text.trim_start_matches('\u{feff}'),
+            taken: 0,
+        }
+    }
+
+    /// All lines before the next keyword.
+    pub fn data(&mut self) -> &'a str {
+        let begin = |at: usize| self.rest[..at].rfind('\n').map_or(0, |end| end + 1);
+        let mut stars = self.rest.match_indices('*').map(|(at, _)| (begin(at), at));
+        let keyword = stars.find(|&(begin, at)| {
+            self.rest[begin..at].trim().is_empty() && is_keyword(&self.rest[at..])
+        });
+        let end = keyword.map_or(self.rest.len(), |(begin, _)| begin);
+        let (data, rest) = self.rest.split_at(end);
+        self.rest = rest;
+        self.taken += data.lines().count();
+        data
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (usize, &'a str);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let line = self.rest.lines().next()?;
+        self.rest = self.rest.split_once('\n').map_or("", |(_, rest)| rest);
+        self.taken += 1;
+        Some((self.taken, line))
+    }
+}
+
 /// A name in the form for comparisons: capitals do not matter, nor do quotation marks.
 pub(crate) fn key(name: &str) -> String {
     plain(name).to_uppercase()

@@ -1,17 +1,19 @@
 //! The contents of a file: parts, their instances, and their nodes, elements, sets and surfaces.
 
-use super::keyword::{Keyword, entries, key, label, number, plain};
+use super::keyword::{Keyword, Lines, entries, key, label, number, plain};
 use super::types::{cell, has_modes, note, order};
 use super::{Failure, Result};
+use crate::input::line_pieces;
 use crate::mesh::ElementKind;
-use crate::mesh::file::raw::Cell;
+use crate::mesh::file::raw::{Cell, Numbers};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// A part, or the data outside of all parts: a flat file, or the assembly.
 #[derive(Default)]
 pub(super) struct Part {
     pub nodes: Vec<[f64; 3]>,
-    pub node_of: HashMap<u64, u32>,
+    pub node_of: Numbers,
     /// The kind of each element, and the start of its node numbers.
     pub elements: Vec<(Cell, usize)>,
     /// The numbers of the nodes of all elements, in our order.
@@ -20,7 +22,7 @@ pub(super) struct Part {
     pub instances: HashMap<usize, String>,
     /// The line of each element.
     pub lines: Vec<usize>,
-    pub element_of: HashMap<u64, u32>,
+    pub element_of: Numbers,
     /// Those with incompatible modes.
     pub with_modes: HashSet<u32>,
     pub node_sets: Sets,
@@ -145,25 +147,24 @@ pub(super) fn read(text: &str, collects: bool) -> Result<Assembly> {
         ..Reader::default()
     };
     let mut block = Block::Skip;
-    let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
-    while let Some((line, text)) = lines.next() {
-        let text = text.trim();
-        if text.is_empty() || text.starts_with("**") {
-            continue;
-        }
+    let mut lines = Lines::new(text);
+    loop {
+        let first = lines.taken + 1;
+        reader.data(&block, first, lines.data())?;
+        let Some((line, text)) = lines.next() else {
+            break;
+        };
         let Some(mut keyword) = Keyword::parse(line, text) else {
-            reader.data(&block, line, text)?;
             continue;
         };
         keyword.complete(text, || lines.next().map(|(_, more)| more));
         reader.end_element(line)?;
         block = reader.keyword(&keyword)?;
     }
-    reader.end_element(text.lines().count())?;
+    reader.end_element(lines.taken)?;
     if reader.part.is_some() {
-        let end = text.lines().count();
         return Err(Failure::line(
-            end,
+            lines.taken,
             "the file is cut short: a *PART has no *END PART",
         ));
     }
@@ -336,11 +337,19 @@ impl<'a> Reader<'a> {
         key(name)
     }
 
-    fn data(&mut self, block: &Block<'a>, line: usize, text: &'a str) -> Result<()> {
+    /// The data lines of a block, from number `first` on.
+    fn data(&mut self, block: &Block<'a>, first: usize, text: &'a str) -> Result<()> {
         match block {
             Block::Skip => Ok(()),
-            Block::Nodes(set) => self.node(line, text, *set),
-            Block::Elements(cell, modes, set) => self.element(line, text, (*cell, *modes), *set),
+            Block::Nodes(set) => self.nodes(first, text, *set),
+            Block::Elements(cell, modes, set) => self.elements(first, text, (*cell, *modes), *set),
+            _ => data_lines(first, text).try_for_each(|(line, text)| self.line(block, line, text)),
+        }
+    }
+
+    fn line(&mut self, block: &Block<'a>, line: usize, text: &'a str) -> Result<()> {
+        match block {
+            Block::Skip | Block::Nodes(_) | Block::Elements(..) => Ok(()),
             Block::Unknown(set) => self.unknown(line, text, *set),
             Block::Set {
                 of_nodes,
@@ -379,48 +388,217 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn node(&mut self, line: usize, text: &str, set: Option<&str>) -> Result<()> {
-        let mut all = entries(text);
-        let node = label(line, all.next().unwrap_or_default())?;
-        let mut x = [0.0; 3];
-        for (x, entry) in x.iter_mut().zip(&mut all) {
-            if !entry.is_empty() {
-                *x = number(line, entry)?;
-            }
-        }
-        // A node may have a normal after its coordinates, which shells use.
-        if all.count() > 3 {
-            return Err(Failure::line(
-                line,
-                format!("node {node} has more entries than coordinates and a direction"),
-            ));
-        }
-        if !x.iter().all(|v| v.is_finite()) {
-            return Err(Failure::line(
-                line,
-                format!("node {node} has a coordinate that is not finite"),
-            ));
-        }
+    fn nodes(&mut self, first: usize, text: &str, set: Option<&str>) -> Result<()> {
+        let read = |nodes: &mut Vec<_>, line: usize, text: &str| {
+            let (label, x) = node(line, text)?;
+            nodes.push((line, label, x));
+            Ok(())
+        };
         let part = self.current();
-        let next = part.nodes.len() as u32;
-        if part.node_of.insert(node, next).is_some() {
-            return Err(Failure::line(line, format!("node {node} is listed twice")));
+        let mut members = Vec::new();
+        for (nodes, read) in in_parts(first, text, read) {
+            for (line, label, x) in nodes {
+                if !part.node_of.insert(label, part.nodes.len() as u32) {
+                    let text = format!("node {label} is listed twice");
+                    return Err(Failure::line(line, text));
+                }
+                part.nodes.push(x);
+                members.push((line, label));
+            }
+            read?;
         }
-        part.nodes.push(x);
-        if let Some(name) = set {
-            add(&mut part.node_sets, name, line, node);
-        }
+        add(&mut part.node_sets, set, members);
         Ok(())
     }
 
-    /// An element, or a part of it where the line ends with a comma.
-    fn element(
+    fn elements(
         &mut self,
-        line: usize,
+        first: usize,
         text: &'a str,
-        (cell, modes): (Cell, bool),
+        of: (Cell, bool),
         set: Option<&str>,
     ) -> Result<()> {
+        let read = |listed: &mut Listed<'a>, line, text| listed.read(line, text, of);
+        let part = self.current();
+        let (mut members, mut begun) = (Vec::new(), Vec::new());
+        for (listed, read) in in_parts(first, text, read) {
+            let before = part.labels.len();
+            let mut place = before;
+            for (line, label, cell, modes) in listed.elements {
+                let next = part.elements.len() as u32;
+                if !part.element_of.insert(label, next) {
+                    let text = format!("element {label} is listed twice");
+                    return Err(Failure::line(line, text));
+                }
+                if modes {
+                    part.with_modes.insert(next);
+                }
+                part.elements.push((cell, place));
+                part.lines.push(line);
+                members.push((line, label));
+                place += cell.n_nodes();
+            }
+            part.labels.extend(listed.labels);
+            let instances = listed.instances.into_iter();
+            part.instances
+                .extend(instances.map(|(at, of)| (before + at, of)));
+            read?;
+            begun = listed.begun;
+        }
+        add(&mut part.element_sets, set, members);
+        self.begun = begun;
+        Ok(())
+    }
+
+    /// An element of an unknown type: a point at its first node.
+    fn unknown(&mut self, line: usize, text: &'a str, set: Option<&str>) -> Result<()> {
+        self.begun.extend(entries(text));
+        if text.ends_with(',') {
+            return Ok(());
+        }
+        let all = std::mem::take(&mut self.begun);
+        let element = label(line, all[0])?;
+        let (instance, node) = match all.get(1) {
+            Some(node) => node_of(line, node)?,
+            None => (None, 0),
+        };
+        let part = self.current();
+        let next = part.elements.len() as u32;
+        part.element_of.insert(element, next);
+        let place = part.labels.len();
+        part.elements.push((Cell::Point, place));
+        part.instances.extend(instance.map(|of| (place, of)));
+        part.labels.push(node);
+        part.lines.push(line);
+        add(&mut part.element_sets, set, vec![(line, element)]);
+        Ok(())
+    }
+
+    /// No element may be left open.
+    fn end_element(&mut self, line: usize) -> Result<()> {
+        if self.begun.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::line(
+            line,
+            "the element before it has too few nodes",
+        ))
+    }
+
+    fn placement(&mut self, line: usize, text: &str) -> Result<()> {
+        let mut numbers = Vec::new();
+        for entry in entries(text).filter(|entry| !entry.is_empty()) {
+            numbers.push(number(line, entry)?);
+        }
+        let instance = self.assembly.instances.last_mut();
+        let instance = instance.expect("made by its keyword");
+        instance.rows += 1;
+        match (instance.rows, numbers.as_slice()) {
+            (1, &[x, y, z]) => instance.shift = [x, y, z],
+            (1, &[x, y]) => instance.shift = [x, y, 0.0],
+            (2, turn) if turn.len() == 7 => {
+                instance.turn = Some(std::array::from_fn(|i| turn[i]));
+            }
+            _ => {
+                return Err(Failure::line(
+                    line,
+                    "an instance takes one line with its shift (3 numbers) and one with its rotation (7: two points \
+                     and an angle in degrees)",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Lines with data, without blanks around them.
+fn data_lines(first: usize, text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = (first..).zip(text.lines().map(str::trim));
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with("**"))
+}
+
+/// Bytes that one task reads.
+const PIECE: usize = 1 << 16;
+
+/// Reads data lines, on all threads: in parts that keep their order, each up to the first error. No part ends where a line continues on
+/// the next one.
+fn in_parts<'a, P: Default + Send>(
+    first: usize,
+    text: &'a str,
+    read: impl Fn(&mut P, usize, &'a str) -> Result<()> + Sync,
+) -> Vec<(P, Result<()>)> {
+    let is_end = |&end: &usize| {
+        let last = text[..end]
+            .trim_end()
+            .rsplit('\n')
+            .next()
+            .unwrap_or_default();
+        end == text.len() || !last.ends_with(',') && !last.trim_start().starts_with("**")
+    };
+    let ends = line_pieces(text.as_bytes(), PIECE)
+        .into_iter()
+        .map(|piece| piece.end);
+    let mut begin = 0;
+    let pieces: Vec<&str> = (ends.filter(is_end))
+        .map(|end| &text[std::mem::replace(&mut begin, end)..end])
+        .collect();
+    let counts: Vec<usize> = pieces.par_iter().map(|text| text.lines().count()).collect();
+    let firsts: Vec<usize> = (counts.iter())
+        .scan(first, |next, count| {
+            Some(std::mem::replace(next, *next + count))
+        })
+        .collect();
+    (pieces.into_par_iter().zip(firsts))
+        .map(|(text, first)| {
+            let mut part = P::default();
+            let mut lines = data_lines(first, text);
+            let read = lines.try_for_each(|(line, text)| read(&mut part, line, text));
+            (part, read)
+        })
+        .collect()
+}
+
+/// A node: its number and its coordinates.
+fn node(line: usize, text: &str) -> Result<(u64, [f64; 3])> {
+    let mut all = entries(text);
+    let node = label(line, all.next().unwrap_or_default())?;
+    let mut x = [0.0; 3];
+    for (x, entry) in x.iter_mut().zip(&mut all) {
+        if !entry.is_empty() {
+            *x = number(line, entry)?;
+        }
+    }
+    // A node may have a normal after its coordinates, which shells use.
+    if all.count() > 3 {
+        return Err(Failure::line(
+            line,
+            format!("node {node} has more entries than coordinates and a direction"),
+        ));
+    }
+    if !x.iter().all(|v| v.is_finite()) {
+        return Err(Failure::line(
+            line,
+            format!("node {node} has a coordinate that is not finite"),
+        ));
+    }
+    Ok((node, x))
+}
+
+/// Elements of some lines.
+#[derive(Default)]
+struct Listed<'a> {
+    /// An element whose nodes continue on the next line.
+    begun: Vec<&'a str>,
+    /// The line of each, its number, its kind and whether it has incompatible modes.
+    elements: Vec<(usize, u64, Cell, bool)>,
+    /// The nodes of all, and the instances that some of these are of.
+    labels: Vec<u64>,
+    instances: Vec<(usize, String)>,
+}
+
+impl<'a> Listed<'a> {
+    /// Reads an element, or a part of it where the line ends with a comma.
+    fn read(&mut self, line: usize, text: &'a str, (cell, modes): (Cell, bool)) -> Result<()> {
         self.begun.extend(entries(text));
         let wanted = 1 + cell.n_nodes();
         if self.begun.len() < wanted && text.ends_with(',') {
@@ -479,92 +657,15 @@ impl<'a> Reader<'a> {
             }
             _ => (cell, modes),
         };
-        let part = self.current();
-        let next = part.elements.len() as u32;
-        if part.element_of.insert(element, next).is_some() {
-            return Err(Failure::line(
-                line,
-                format!("element {element} is listed twice"),
-            ));
-        }
-        if modes {
-            part.with_modes.insert(next);
-        }
-        part.elements.push((cell, part.labels.len()));
+        self.elements.push((line, element, cell, modes));
         let listed = match order(cell) {
             Some(order) => order.iter().map(|&place| listed[place].clone()).collect(),
             None => listed,
         };
         for (instance, label) in listed {
-            let place = part.labels.len();
-            part.instances.extend(instance.map(|of| (place, of)));
-            part.labels.push(label);
-        }
-        part.lines.push(line);
-        if let Some(name) = set {
-            add(&mut part.element_sets, name, line, element);
-        }
-        Ok(())
-    }
-
-    /// An element of an unknown type: a point at its first node.
-    fn unknown(&mut self, line: usize, text: &'a str, set: Option<&str>) -> Result<()> {
-        self.begun.extend(entries(text));
-        if text.ends_with(',') {
-            return Ok(());
-        }
-        let all = std::mem::take(&mut self.begun);
-        let element = label(line, all[0])?;
-        let (instance, node) = match all.get(1) {
-            Some(node) => node_of(line, node)?,
-            None => (None, 0),
-        };
-        let part = self.current();
-        let next = part.elements.len() as u32;
-        part.element_of.insert(element, next);
-        let place = part.labels.len();
-        part.elements.push((Cell::Point, place));
-        part.instances.extend(instance.map(|of| (place, of)));
-        part.labels.push(node);
-        part.lines.push(line);
-        if let Some(name) = set {
-            add(&mut part.element_sets, name, line, element);
-        }
-        Ok(())
-    }
-
-    /// No element may be left open.
-    fn end_element(&mut self, line: usize) -> Result<()> {
-        if self.begun.is_empty() {
-            return Ok(());
-        }
-        Err(Failure::line(
-            line,
-            "the element before it has too few nodes",
-        ))
-    }
-
-    fn placement(&mut self, line: usize, text: &str) -> Result<()> {
-        let mut numbers = Vec::new();
-        for entry in entries(text).filter(|entry| !entry.is_empty()) {
-            numbers.push(number(line, entry)?);
-        }
-        let instance = self.assembly.instances.last_mut();
-        let instance = instance.expect("made by its keyword");
-        instance.rows += 1;
-        match (instance.rows, numbers.as_slice()) {
-            (1, &[x, y, z]) => instance.shift = [x, y, z],
-            (1, &[x, y]) => instance.shift = [x, y, 0.0],
-            (2, turn) if turn.len() == 7 => {
-                instance.turn = Some(std::array::from_fn(|i| turn[i]));
-            }
-            _ => {
-                return Err(Failure::line(
-                    line,
-                    "an instance takes one line with its shift (3 numbers) and one with its rotation (7: two points \
-                     and an angle in degrees)",
-                ));
-            }
+            let place = self.labels.len();
+            self.instances.extend(instance.map(|of| (place, of)));
+            self.labels.push(label);
         }
         Ok(())
     }
@@ -578,13 +679,17 @@ fn node_of(line: usize, entry: &str) -> Result<(Option<String>, u64)> {
     }
 }
 
-/// Adds a node or an element to the set that its keyword names.
-fn add(sets: &mut Sets, name: &str, line: usize, member: u64) {
+/// Adds nodes or elements, each with its line, to the set that their keyword names.
+fn add(sets: &mut Sets, name: Option<&str>, members: Vec<(usize, u64)>) {
+    let Some(name) = name.filter(|_| !members.is_empty()) else {
+        return;
+    };
     let set = sets.entry(key(name)).or_default();
     if set.name.is_empty() {
         set.name = plain(name).to_owned();
     }
-    set.members.push((line, Member::One(None, member)));
+    let members = members.into_iter();
+    (set.members).extend(members.map(|(line, member)| (line, Member::One(None, member))));
 }
 
 /// The members in a data line of a set.

@@ -1,6 +1,6 @@
 //! A file with the texts of the files that it includes (`INPUT=`), each in its place.
 
-use super::keyword::Keyword;
+use super::keyword::{Keyword, Lines};
 use crate::input;
 use crate::mesh::file::{Failure, FileError};
 use std::path::{Component, Path, PathBuf};
@@ -73,8 +73,18 @@ impl Text {
         depth: usize,
     ) -> Result<(), FileError> {
         self.begin(path, 0);
-        let mut lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
-        while let Some((line, first)) = lines.next() {
+        let mut lines = Lines::new(text);
+        loop {
+            let data = lines.data();
+            self.text.push_str(data);
+            // The last line may lack its end.
+            if !self.text.is_empty() && !self.text.ends_with('\n') {
+                self.text.push('\n');
+            }
+            self.lines += data.lines().count();
+            let Some((line, first)) = lines.next() else {
+                return Ok(());
+            };
             let before = (self.text.len(), self.lines);
             self.push(first);
             let Some(mut keyword) = Keyword::parse(line, first) else {
@@ -123,7 +133,6 @@ impl Text {
             self.add(&file, &String::from_utf8_lossy(&bytes), place, depth + 1)?;
             self.begin(path, last);
         }
-        Ok(())
     }
 
     /// The following lines are from `path`, after so many of its lines.

@@ -197,6 +197,6 @@ impl Groups {
             node_sets,
             notes: copies.into_iter().collect(),
         };
-        Mesh::from_parts(parts).map_err(Failure::Mesh)
+        Mesh::checked(parts, false).map_err(Failure::Mesh)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::mesh::copies::{self, Copies};
 use crate::mesh::{Element, ElementKind, Facet, Topology, facet, facet_corners};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The cells in files: elements of bodies, and their boundaries.
@@ -84,36 +85,55 @@ impl GroupSets {
     }
 }
 
-/// From the numbers of nodes in the file to ours: a table, where they are dense.
+/// From the numbers of nodes or elements in the file to ours: a table, where they are dense.
 #[derive(Default)]
-pub(in crate::mesh) struct NodeNumbers {
+pub(in crate::mesh) struct Numbers {
     table: Vec<u32>,
-    others: HashMap<usize, u32>,
+    others: HashMap<u64, u32>,
 }
 
-impl NodeNumbers {
+impl Numbers {
     const NONE: u32 = u32::MAX;
 
-    fn get(&self, tag: usize) -> Option<u32> {
-        match self.table.get(tag) {
-            Some(&node) if node != Self::NONE => Some(node),
+    pub fn get(&self, tag: u64) -> Option<u32> {
+        match self.table.get(tag as usize) {
+            Some(&own) if own != Self::NONE => Some(own),
             _ if self.others.is_empty() => None,
             _ => self.others.get(&tag).copied(),
         }
     }
 
-    fn insert(&mut self, tag: usize, node: u32) {
-        // No file makes the table much longer than there are nodes.
-        if tag >= self.table.len() && tag <= 4 * node as usize + 1000 {
-            self.table.resize(tag + 1, Self::NONE);
+    /// Adds a number of the file with the next of ours; false if it is there already.
+    pub fn insert(&mut self, tag: u64, own: u32) -> bool {
+        if self.get(tag).is_some() {
+            return false;
         }
-        match self.table.get_mut(tag) {
-            Some(place) => *place = node,
+        // No file makes the table much longer than there are nodes or elements.
+        if tag >= self.table.len() as u64 && tag <= 4 * u64::from(own) + 1000 {
+            self.table.resize(tag as usize + 1, Self::NONE);
+        }
+        match self.table.get_mut(tag as usize) {
+            Some(place) => *place = own,
             None => {
-                self.others.insert(tag, node);
+                self.others.insert(tag, own);
             }
         }
+        true
     }
+
+    /// All numbers in the file with ours.
+    pub fn iter(&self) -> impl Iterator<Item = (u64, u32)> {
+        let table = (0..).zip(self.table.iter().copied());
+        let others = self.others.iter().map(|(&tag, &own)| (tag, own));
+        (table.filter(|&(_, own)| own != Self::NONE)).chain(others)
+    }
+}
+
+/// Elements as they are listed: the kind and the group of each, and our numbers of their nodes one after the other.
+#[derive(Default)]
+pub(in crate::mesh) struct Listed {
+    pub cells: Vec<(Cell, i64)>,
+    pub nodes: Vec<u32>,
 }
 
 /// The contents of all sections.
@@ -125,7 +145,7 @@ pub(in crate::mesh) struct Raw {
     /// Sets of physical groups of entities by (dimension, tag), MSH 4.1.
     pub entities: HashMap<(i64, i64), u32>,
     pub nodes: Vec<[f64; 3]>,
-    numbers: NodeNumbers,
+    numbers: Numbers,
     /// (set of physical groups, node) of points.
     pub points: Vec<(u32, u32)>,
     /// Sets of nodes under their names.
@@ -145,30 +165,58 @@ pub(in crate::mesh) struct Raw {
 impl Raw {
     /// Adds a node with its number in the file; if it cannot be one, why not.
     pub fn add_node(&mut self, tag: usize, x: [f64; 3]) -> Result<(), String> {
-        if self.numbers.get(tag).is_some() {
+        if !self.numbers.insert(tag as u64, self.nodes.len() as u32) {
             return Err(format!("node {tag} is listed twice"));
         }
         if !x.iter().all(|v| v.is_finite()) {
             return Err(format!("node {tag} has a coordinate that is not finite"));
         }
-        self.numbers.insert(tag, self.nodes.len() as u32);
         self.nodes.push(x);
         Ok(())
     }
 
-    /// Adds an element with the numbers of its nodes in the file; if it cannot be one, why not.
-    pub fn add_element(&mut self, cell: Cell, set: u32, tags: &[usize]) -> Result<(), String> {
-        let mut nodes = [0; MOST_NODES];
-        for (node, tag) in nodes.iter_mut().zip(tags) {
-            *node = match self.numbers.get(*tag) {
-                Some(node) => node,
-                None => {
-                    return Err(format!("an element names node {tag}, which does not exist"));
-                }
-            }
+    /// Our number of the node with a number in the file.
+    pub fn node(&self, tag: usize) -> Option<u32> {
+        self.numbers.get(tag as u64)
+    }
+
+    /// Adds elements in parts that keep their order.
+    pub fn push_listed(&mut self, parts: Vec<Listed>) {
+        let (cells, nodes): (Vec<_>, Vec<_>) = parts
+            .into_iter()
+            .map(|part| (part.cells, part.nodes))
+            .unzip();
+        let (cells, nodes) = (cells.concat(), nodes.concat());
+        let mut rest = nodes.as_slice();
+        for run in cells.chunk_by(|a, b| a == b) {
+            let (cell, group) = run[0];
+            let (nodes, behind) = rest.split_at(run.len() * cell.n_nodes());
+            let set = self.groups.number([group]);
+            self.push_all(cell, set, nodes);
+            rest = behind;
         }
-        self.push(cell, set, &nodes[..tags.len()]);
-        Ok(())
+    }
+
+    /// Adds elements of one kind with our numbers of their nodes, as many as each has.
+    pub fn push_all(&mut self, cell: Cell, set: u32, nodes: &[u32]) {
+        /// The least elements for several threads: some 100 KB.
+        const SEVERAL: usize = 1000;
+        let each = nodes.chunks_exact(cell.n_nodes());
+        if each.len() < SEVERAL {
+            return each.for_each(|nodes| self.push(cell, set, nodes));
+        }
+        let each = nodes.par_chunks_exact(cell.n_nodes());
+        match cell {
+            Cell::Element(kind) if cell.is_surface() => {
+                (self.faces).par_extend(each.map(|nodes| Element::new(kind, nodes, set)));
+            }
+            Cell::Element(kind) => {
+                (self.solids).par_extend(each.map(|nodes| Element::new(kind, nodes, set)));
+            }
+            _ => nodes
+                .chunks_exact(cell.n_nodes())
+                .for_each(|nodes| self.push(cell, set, nodes)),
+        }
     }
 
     /// Adds an element with our numbers of its nodes, as many as it has.

@@ -2,13 +2,19 @@
 
 use super::SAVE_AS;
 use super::foreign::BYTE_ORDER_MARK;
+use crate::input::line_pieces;
 use crate::mesh::file::{Failure, Result};
+use rayon::prelude::*;
 use std::borrow::Cow;
+use std::ops::Range;
+
+/// Bytes that one task reads: so few that little is left for one thread at the end of a section, where pieces get too short.
+const PIECE: usize = 1 << 15;
 
 /// The bytes with a place in them.
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
-    at: usize,
+    pub at: usize,
     pub binary: bool,
     swapped: bool,
 }
@@ -70,6 +76,12 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// An error at another place.
+    pub fn fail_at<T>(&mut self, at: usize, message: String) -> Result<T> {
+        self.at = at;
+        self.fail(message)
+    }
+
     /// The next line without its end; None at the end of the file. Text that is not UTF-8 is read as Latin-1, in which
     /// older editors write names.
     pub fn line(&mut self) -> Option<Cow<'a, str>> {
@@ -129,12 +141,29 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The next number of a text, if it consists of some digits alone, as nearly all do: much faster than [`Self::number`].
+    fn digits(&mut self) -> Option<u32> {
+        let rest = self.bytes[self.at..].trim_ascii_start();
+        let mut value = 0;
+        let digits = rest.iter().take(9).take_while(|byte| byte.is_ascii_digit());
+        let len = digits
+            .map(|byte| value = 10 * value + u32::from(byte - b'0'))
+            .count();
+        let is_whole = len > 0 && rest.get(len).is_none_or(u8::is_ascii_whitespace);
+        is_whole.then(|| {
+            self.at = self.bytes.len() - rest.len() + len;
+            value
+        })
+    }
+
     /// A C int.
     pub fn int(&mut self) -> Result<i64> {
         if self.binary {
-            Ok(i64::from(i32::from_le_bytes(self.raw()?)))
-        } else {
-            self.number("an integer")
+            return Ok(i64::from(i32::from_le_bytes(self.raw()?)));
+        }
+        match self.digits() {
+            Some(value) => Ok(i64::from(value)),
+            None => self.number("an integer"),
         }
     }
 
@@ -143,7 +172,10 @@ impl<'a> Reader<'a> {
         let value = if self.binary {
             u64::from_le_bytes(self.raw()?)
         } else {
-            self.number("a non-negative integer")?
+            match self.digits() {
+                Some(value) => u64::from(value),
+                None => self.number("a non-negative integer")?,
+            }
         };
         // A count larger than the file is nonsense, and nothing to allocate for.
         Some(value)
@@ -167,6 +199,77 @@ impl<'a> Reader<'a> {
     pub fn tag(&mut self) -> Result<usize> {
         let tag = self.int()?;
         usize::try_from(tag).or_else(|_| self.fail(format!("{tag} is not the number of a node")))
+    }
+
+    /// Reads `count` records one after the other, in parts that keep their order. A record has at least so many bytes as `[text, binary]`,
+    /// in a binary file exactly so many. All threads read together where lines end with records; what they cannot read is read again
+    /// in sequence, which finds the first error.
+    pub fn records<P: Default + Send>(
+        &mut self,
+        mut count: usize,
+        [text, binary]: [usize; 2],
+        record: impl Fn(&mut Self, &mut P) -> Result<()> + Sync,
+    ) -> Result<Vec<P>> {
+        let least = if self.binary { binary } else { text };
+        let mut parts = Vec::new();
+        while count > 0 {
+            let rest = &self.bytes[self.at..];
+            // These bytes have no more records than are left.
+            let rest = &rest[..count.saturating_mul(least).min(rest.len())];
+            let pieces: Vec<Range<usize>> = if self.binary {
+                let ends = (0..=rest.len()).step_by((PIECE / least.max(1)).max(1) * least.max(1));
+                ends.clone()
+                    .zip(ends.skip(1))
+                    .map(|(start, end)| start..end)
+                    .collect()
+            } else {
+                let lines = rest
+                    .iter()
+                    .rposition(|&b| b == b'\n')
+                    .map_or(0, |last| last + 1);
+                line_pieces(&rest[..lines], PIECE)
+            };
+            let read = |piece: &Range<usize>| {
+                let mut reader = Self {
+                    bytes: &self.bytes[..self.at + piece.end],
+                    at: self.at + piece.start,
+                    ..*self
+                };
+                let (mut part, mut found) = (P::default(), 0);
+                while !reader.is_at_end() {
+                    record(&mut reader, &mut part)?;
+                    found += 1;
+                }
+                Ok((part, found))
+            };
+            let read = || pieces.par_iter().map(read).collect::<Result<Vec<_>>>();
+            match (pieces.len() > 1).then(read) {
+                Some(Ok(read)) => {
+                    self.at += pieces[pieces.len() - 1].end;
+                    for (part, found) in read {
+                        parts.push(part);
+                        count -= found;
+                    }
+                }
+                _ => {
+                    let mut part = P::default();
+                    for _ in 0..std::mem::take(&mut count) {
+                        record(self, &mut part)?;
+                    }
+                    parts.push(part);
+                }
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Whether nothing is left; as text, nothing but blanks, which it skips.
+    fn is_at_end(&mut self) -> bool {
+        if !self.binary {
+            let rest = &self.bytes[self.at..];
+            self.at += rest.len() - rest.trim_ascii_start().len();
+        }
+        self.at == self.bytes.len()
     }
 
     /// Moves behind the line `$End…` of a section.

@@ -1,8 +1,8 @@
 //! The sections of MSH 4.1.
 
 use super::reader::Reader;
-use super::{Result, cell, in_our_order};
-use crate::mesh::file::raw::{MOST_GROUPS, MOST_NODES, Raw};
+use super::{Result, cell, nodes_of};
+use crate::mesh::file::raw::{MOST_GROUPS, Raw};
 
 pub(super) fn entities(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
     let mut counts = [0; 4];
@@ -48,22 +48,32 @@ pub(super) fn nodes(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
         reader.int()?;
         let parametric = reader.int()? != 0;
         let count = reader.size()?;
-        let mut tags = Vec::new();
-        for _ in 0..count {
+        let tags = reader.records(count, [2, 8], |reader, tags: &mut Vec<usize>| {
             tags.push(reader.size()?);
-        }
-        for tag in tags {
+            Ok(())
+        })?;
+        // Further ones are places on a curve or surface.
+        let n = if parametric {
+            3 + dim.clamp(0, 3) as usize
+        } else {
+            3
+        };
+        let places = reader.records(count, [2 * n, 8 * n], |reader, places: &mut Vec<_>| {
             let x = [reader.float()?, reader.float()?, reader.float()?];
-            for _ in 0..if parametric { dim } else { 0 } {
+            for _ in 3..n {
                 reader.float()?;
             }
-            (raw.add_node(tag, x)).or_else(|message| reader.fail(message))?;
+            places.push((x, reader.at));
+            Ok(())
+        })?;
+        for (&tag, &(x, at)) in tags.iter().flatten().zip(places.iter().flatten()) {
+            (raw.add_node(tag, x)).or_else(|message| reader.fail_at(at, message))?;
         }
     }
     Ok(())
 }
 
-pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
+pub(super) fn elements<'a>(reader: &mut Reader<'a>, raw: &mut Raw) -> Result<()> {
     let blocks = reader.size()?;
     for _ in 0..3 {
         reader.size()?;
@@ -73,15 +83,12 @@ pub(super) fn elements(reader: &mut Reader, raw: &mut Raw) -> Result<()> {
         let count = reader.size()?;
         let cell = cell(reader, kind)?;
         let set = raw.entities.get(&(dim, tag)).copied().unwrap_or(0);
-        let tags = &mut [0; MOST_NODES][..cell.n_nodes()];
-        for _ in 0..count {
+        let numbers = 1 + cell.n_nodes();
+        let nodes = reader.records(count, [2 * numbers, 8 * numbers], |reader, nodes| {
             reader.size()?;
-            for tag in &mut *tags {
-                *tag = reader.size()?;
-            }
-            in_our_order(cell, tags);
-            (raw.add_element(cell, set, tags)).or_else(|message| reader.fail(message))?;
-        }
+            nodes_of(cell, Reader::size, reader, raw, nodes)
+        })?;
+        raw.push_all(cell, set, &nodes.concat());
     }
     Ok(())
 }

@@ -2,9 +2,16 @@
 
 use super::xml::{self, Document, Node};
 use super::{Failure, Result, no_mesh};
+use crate::input::pieces;
 use base64::Engine as _;
+
 use base64::engine::general_purpose::STANDARD;
+use rayon::prelude::*;
 use std::io::Read as _;
+use std::str::FromStr;
+
+/// Bytes that one task reads: whole groups of base64.
+const PIECE: usize = 1 << 16;
 
 /// A file with its arrays.
 pub(super) struct File<'a> {
@@ -134,40 +141,34 @@ impl<'a> File<'a> {
             other => return Err(fail(format!("the format {other} is not known"))),
         };
         let big = self.big;
-        macro_rules! numbers {
-            ($type:ty) => {
+        // Numbers beyond i64 name no node; they stay out of range.
+        macro_rules! read {
+            ($type:ty, $values:ident, $from:expr) => {
                 numbers(&bytes, |word| {
-                    if big {
-                        <$type>::from_be_bytes(word)
-                    } else {
-                        <$type>::from_le_bytes(word)
-                    }
+                    $from(match big {
+                        true => <$type>::from_be_bytes(word),
+                        false => <$type>::from_le_bytes(word),
+                    })
                 })
+                .map(Values::$values)
             };
         }
         macro_rules! integers {
             ($type:ty) => {
-                // Numbers beyond i64 name no node; they stay out of range.
-                numbers!($type).map(|all| {
-                    all.into_iter()
-                        .map(|v| i64::try_from(v).unwrap_or(-1))
-                        .collect()
-                })
+                read!($type, Integers, |v| i64::try_from(v).unwrap_or(-1))
             };
         }
         let values = match kind {
-            "Float32" => {
-                numbers!(f32).map(|all| Values::Floats(all.into_iter().map(f64::from).collect()))
-            }
-            "Float64" => numbers!(f64).map(Values::Floats),
-            "Int8" => integers!(i8).map(Values::Integers),
-            "UInt8" => integers!(u8).map(Values::Integers),
-            "Int16" => integers!(i16).map(Values::Integers),
-            "UInt16" => integers!(u16).map(Values::Integers),
-            "Int32" => integers!(i32).map(Values::Integers),
-            "UInt32" => integers!(u32).map(Values::Integers),
-            "Int64" => integers!(i64).map(Values::Integers),
-            "UInt64" => integers!(u64).map(Values::Integers),
+            "Float32" => read!(f32, Floats, f64::from),
+            "Float64" => read!(f64, Floats, f64::from),
+            "Int8" => integers!(i8),
+            "UInt8" => integers!(u8),
+            "Int16" => integers!(i16),
+            "UInt16" => integers!(u16),
+            "Int32" => integers!(i32),
+            "UInt32" => integers!(u32),
+            "Int64" => integers!(i64),
+            "UInt64" => integers!(u64),
             _ => return Err(fail(format!("the type \"{kind}\" is not numeric"))),
         };
         values.ok_or_else(|| fail("the data ends in the middle of a number".to_owned()))
@@ -175,12 +176,12 @@ impl<'a> File<'a> {
 
     /// The decoded data of an array.
     fn inline(&self, node: &Node) -> Result<Vec<u8>> {
-        let encoded: Vec<u8> = node
-            .text
-            .bytes()
-            .filter(|b| !b.is_ascii_whitespace())
-            .collect();
-        self.decoded(&encoded, node.line)
+        let dense = |text: &[u8]| -> Vec<u8> {
+            let dense = text.iter().filter(|b| !b.is_ascii_whitespace());
+            dense.copied().collect()
+        };
+        let parts: Vec<Vec<u8>> = (node.text.as_bytes().par_chunks(PIECE).map(dense)).collect();
+        self.decoded(&parts.concat(), node.line)
     }
 
     fn appended(&self, node: &Node) -> Result<Vec<u8>> {
@@ -251,15 +252,18 @@ impl<'a> File<'a> {
             packed = packed.saturating_add(lengths[block]);
         }
         let packed = take(self.word * (3 + first), packed).ok_or_else(short)?;
-        let (mut all, mut at) = (Vec::new(), 0);
-        for length in lengths {
-            let block = &packed[at..at + length];
-            at += length;
-            flate2::read::ZlibDecoder::new(block)
-                .read_to_end(&mut all)
-                .map_err(|error| Failure::line(line, format!("compressed data: {error}")))?;
-        }
-        Ok(all)
+        let mut rest = packed.as_slice();
+        let blocks: Vec<&[u8]> = (lengths.into_iter())
+            .map(|length| rest.split_off(..length).unwrap_or_default())
+            .collect();
+        let plain = |block: &&[u8]| {
+            let mut plain = Vec::new();
+            (flate2::read::ZlibDecoder::new(*block).read_to_end(&mut plain))
+                .map(|_| plain)
+                .map_err(|error| Failure::line(line, format!("compressed data: {error}")))
+        };
+        let plain: Vec<Result<Vec<u8>>> = blocks.par_iter().map(plain).collect();
+        Ok(plain.into_iter().collect::<Result<Vec<_>>>()?.concat())
     }
 
     /// A length in front of data; nonsense is too large to be taken.
@@ -278,25 +282,48 @@ impl<'a> File<'a> {
 fn part(encoded: &[u8], from: usize, length: usize) -> Option<Vec<u8>> {
     let end = from.checked_add(length)?;
     let text = encoded.get(..end.div_ceil(3).saturating_mul(4))?;
-    let all = STANDARD.decode(text).ok()?;
-    all.get(from..end).map(<[u8]>::to_vec)
+    let parts = text
+        .par_chunks(PIECE)
+        .map(|text| STANDARD.decode(text).ok());
+    let mut all = parts.collect::<Option<Vec<_>>>()?.concat();
+    all.truncate(end);
+    (all.len() == end).then(|| all.split_off(from))
 }
 
 fn ascii(node: &Node, kind: &str) -> Result<Values> {
-    let fail = |token: &str| Failure::line(node.line, format!("\"{token}\" is not a number"));
-    let tokens = node.text.split_ascii_whitespace();
-    Ok(if kind.starts_with("Float") {
-        let values = tokens.map(|token| token.parse().map_err(|_| fail(token)));
-        Values::Floats(values.collect::<Result<_>>()?)
-    } else {
-        let values = tokens.map(|token| token.parse().map_err(|_| fail(token)));
-        Values::Integers(values.collect::<Result<_>>()?)
-    })
+    match kind.starts_with("Float") {
+        true => words(node).map(Values::Floats),
+        false => words(node).map(Values::Integers),
+    }
+}
+
+/// The numbers of a text.
+fn words<T: FromStr + Clone + Send>(node: &Node) -> Result<Vec<T>> {
+    let of_word = |word: &str| {
+        let fail = |_| Failure::line(node.line, format!("\"{word}\" is not a number"));
+        word.parse().map_err(fail)
+    };
+    let pieces = pieces(node.text.as_bytes(), PIECE, |byte| {
+        byte.is_ascii_whitespace()
+    });
+    let parts: Vec<Result<Vec<T>>> = (pieces.into_par_iter())
+        .map(|piece| {
+            node.text[piece]
+                .split_ascii_whitespace()
+                .map(of_word)
+                .collect()
+        })
+        .collect();
+    Ok(parts.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
 /// The numbers in bytes; None if these end in the middle of one.
-fn numbers<T, const N: usize>(bytes: &[u8], from: impl Fn([u8; N]) -> T) -> Option<Vec<T>> {
+fn numbers<T: Send, const N: usize>(
+    bytes: &[u8],
+    from: impl Fn([u8; N]) -> T + Sync,
+) -> Option<Vec<T>> {
     let (words, rest) = bytes.as_chunks::<N>();
+    let words = words.par_iter().with_min_len(PIECE);
     rest.is_empty()
-        .then(|| words.iter().map(|&word| from(word)).collect())
+        .then(|| words.map(|&word| from(word)).collect())
 }
