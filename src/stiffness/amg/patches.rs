@@ -141,5 +141,6 @@ fn dense_inverse<const B: usize>(a: &BlockCsr<B>, nodes: &[u32]) -> Option<Vec<f
     for k in 0..size {
         dense[k * size + k] *= 1.0 + SHIFT;
     }
-    invert(&mut dense, size).then_some(dense)
+    let mut rows = vec![0.0; 2 * size];
+    invert(&mut dense, rows.split_at_mut(size).into()).then_some(dense)
 }

@@ -349,6 +349,14 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
             &std::slice::from_ref(&tentative.q[i])[..there],
         )
     };
+    let squares = (tentative.coarse.par_iter())
+        .with_min_len(ROWS_PER_TASK)
+        .map(|coarse| {
+            let mut square = [[0.0; M]; M];
+            add_product(&transposed(coarse), coarse, &mut square);
+            square
+        })
+        .collect::<Vec<_>>();
     let mut p: Option<Vec<Modes<B, M>>> = None;
     for &omega in omegas {
         let step = Step {
@@ -357,6 +365,7 @@ pub(super) fn smoothed<const B: usize, const M: usize>(
             omega,
             aggregates,
             tentative,
+            squares: &squares,
             pattern,
         };
         let mut after = match &p {
@@ -396,6 +405,8 @@ struct Step<'a, const B: usize, const M: usize> {
     omega: f64,
     aggregates: &'a Groups,
     tentative: &'a Tentative<B, M>,
+    /// RᵀR of the rigid motions R of each aggregate.
+    squares: &'a [Modes<M, M>],
     pattern: &'a Pattern,
 }
 
@@ -455,24 +466,29 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
         let Some(own) = place(self.aggregates.of_node[i]) else {
             return;
         };
+        let mut is_complete = true;
         let mut elsewhere = [[0.0; M]; B];
         let (a_cols, a_blocks) = self.a.row(i);
         for (&j, block) in a_cols.iter().zip(a_blocks) {
             let (cols, blocks) = before(j as usize);
             for (&aggregate, other) in cols.iter().zip(blocks) {
                 // A row meets few aggregates: searching them is faster than any table.
-                if let Some(place) = place(aggregate) {
-                    add_product(block, other, &mut row[place]);
+                match place(aggregate) {
+                    Some(place) => add_product(block, other, &mut row[place]),
+                    None => is_complete = false,
                 }
             }
             add_product(block, &motions[j as usize], &mut elsewhere);
         }
-        for (&aggregate, sum) in columns.iter().zip(&*row) {
-            let mut here = [[0.0; M]; B];
-            add_product(sum, &self.tentative.coarse[aggregate as usize], &mut here);
-            subtract(&mut elsewhere, 1.0, &here);
+        // Otherwise the effect elsewhere is that of rounding.
+        if !is_complete {
+            for (&aggregate, sum) in columns.iter().zip(&*row) {
+                let mut here = [[0.0; M]; B];
+                add_product(sum, &self.tentative.coarse[aggregate as usize], &mut here);
+                subtract(&mut elsewhere, 1.0, &here);
+            }
+            self.spread(elsewhere, columns, own, row);
         }
-        self.spread(elsewhere, columns, own, row);
         let (cols, blocks) = before(i);
         for (&aggregate, sum) in columns.iter().zip(row) {
             let mut change = [[0.0; M]; B];
@@ -484,24 +500,23 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
     }
 
     /// Adds blocks with this effect E on rigid motions to a row: the smallest ones, where those of the own aggregate I count a
-    /// [`OWN_WEIGHT`]th. With S_J = R_J T_I, which are rigid motions of J in the coarse unknowns of I, they are
-    /// w_J E T_I G⁻¹ S_Jᵀ, G = Σ w_J S_JᵀS_J.
+    /// [`OWN_WEIGHT`]th. They are w_J E T_I G⁻¹ T_Iᵀ R_Jᵀ, G = T_Iᵀ (Σ w_J R_JᵀR_J) T_I: the motions are scaled as the coarse
+    /// unknowns of I are.
     #[inline(always)]
     fn spread(&self, effect: Modes<B, M>, columns: &[u32], own: usize, row: &mut [Modes<B, M>]) {
         let factor = &self.tentative.factors[columns[own] as usize];
-        let motions = |place: usize| {
-            let mut motions = [[0.0; M]; M];
-            let coarse = &self.tentative.coarse[columns[place] as usize];
-            add_product(coarse, factor, &mut motions);
-            motions
-        };
         let weight = |place: usize| if place == own { OWN_WEIGHT } else { 1.0 };
-        let mut inverse = [[0.0; M]; M];
-        for place in 0..columns.len() {
-            let motions = motions(place);
-            let weighted = motions.map(|row| row.map(|v| weight(place) * v));
-            add_product(&transposed(&motions), &weighted, &mut inverse);
+        let mut squares = [[0.0; M]; M];
+        for (place, &aggregate) in columns.iter().enumerate() {
+            subtract(
+                &mut squares,
+                -weight(place),
+                &self.squares[aggregate as usize],
+            );
         }
+        let (mut scaled, mut inverse) = ([[0.0; M]; M], [[0.0; M]; M]);
+        add_product(&squares, factor, &mut scaled);
+        add_product(&transposed(factor), &scaled, &mut inverse);
         // Unknowns that do not exist.
         for c in (0..M).filter(|&c| factor[c][c] == 0.0) {
             inverse[c][c] = 1.0;
@@ -509,14 +524,16 @@ impl<const B: usize, const M: usize> Step<'_, B, M> {
         let mut all = [[0.0; M]; B];
         add_product(&effect, factor, &mut all);
         // Rounding may leave nothing of G where I is very short.
-        if !invert(inverse.as_flattened_mut(), M) {
+        if !invert(inverse.as_flattened_mut(), [&mut [0.0; M], &mut [0.0; M]]) {
             return subtract(&mut row[own], -1.0, &all);
         }
-        let mut parts = [[0.0; M]; B];
-        add_product(&all, &inverse, &mut parts);
+        let (mut solved, mut parts) = ([[0.0; M]; B], [[0.0; M]; B]);
+        add_product(&all, &inverse, &mut solved);
+        add_product(&solved, &transposed(factor), &mut parts);
         for (place, block) in row.iter_mut().enumerate() {
+            let coarse = transposed(&self.tentative.coarse[columns[place] as usize]);
             let parts = parts.map(|row| row.map(|v| weight(place) * v));
-            add_product(&parts, &transposed(&motions(place)), block);
+            add_product(&parts, &coarse, block);
         }
     }
 }

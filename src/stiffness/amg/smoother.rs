@@ -19,7 +19,7 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .with_min_len(1 << 12)
         .map(|i| {
             let mut block = *a.block(i, i).ok_or(i)?;
-            match invert(block.as_flattened_mut(), B) {
+            match invert(block.as_flattened_mut(), [&mut [0.0; B], &mut [0.0; B]]) {
                 true => Ok(block),
                 false => Err(i),
             }
@@ -27,12 +27,14 @@ pub(crate) fn inverse_diagonal<const B: usize>(
         .collect()
 }
 
-/// Replaces a symmetric positive definite matrix of n rows by its inverse, by Gauss–Jordan elimination; false if a pivot
-/// is not positive beyond rounding.
+/// Replaces a symmetric positive definite matrix by its inverse, by Gauss–Jordan elimination with room for two rows; false if
+/// a pivot is not positive beyond rounding.
 #[inline(always)]
-pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
-    let least: Vec<f64> = (0..n).map(|k| 4.0 * f64::EPSILON * a[k * n + k]).collect();
-    let mut pivot_row = vec![0.0; n];
+pub(super) fn invert(a: &mut [f64], [least, pivot_row]: [&mut [f64]; 2]) -> bool {
+    let n = least.len();
+    for k in 0..n {
+        least[k] = 4.0 * f64::EPSILON * a[k * n + k];
+    }
     for k in 0..n {
         let pivot = a[k * n + k];
         if !(pivot > least[k]) {
@@ -44,11 +46,11 @@ pub(super) fn invert(a: &mut [f64], n: usize) -> bool {
         }
         for (i, row) in a.chunks_exact_mut(n).enumerate() {
             if i == k {
-                row.copy_from_slice(&pivot_row);
+                row.copy_from_slice(pivot_row);
                 continue;
             }
             let factor = std::mem::replace(&mut row[k], 0.0);
-            for (v, p) in row.iter_mut().zip(&pivot_row) {
+            for (v, p) in row.iter_mut().zip(&*pivot_row) {
                 *v -= factor * p;
             }
         }
