@@ -24,7 +24,8 @@ use crate::ssnm::{Cause, RecycledSubspace, Sets, Status};
 use anderson::Anderson;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Iterations that a step may take: easy ones take 4 to 8, those that take more than 40 hardly ever end, unless the violation keeps
 /// falling.

@@ -174,7 +174,7 @@ mod tests {
     use super::*;
     use crate::problem::{ContactData, ContactProblem};
     use crate::reference::{self, CASE_A, Geometry};
-    use std::time::Instant;
+    use web_time::Instant;
 
     /// Reads a text by way of a file.
     fn of_file(text: &str) -> Matrix {

@@ -37,14 +37,16 @@ unsafe impl GlobalAlloc for LargePages {
 
 /// The same data, in large pages if they are large.
 fn advised(data: *mut u8, size: usize) -> *mut u8 {
-    #[cfg(target_os = "linux")]
     if size >= LARGE && !data.is_null() {
-        const PAGE: usize = 4096;
-        let before = data.align_offset(PAGE);
-        // SAFETY: the range is whole pages of these data. Where the system refuses, they stay as they are.
-        unsafe {
-            let start = data.add(before).cast();
-            libc::madvise(start, (size - before) / PAGE * PAGE, libc::MADV_HUGEPAGE);
+        #[cfg(target_os = "linux")]
+        {
+            const PAGE: usize = 4096;
+            let before = data.align_offset(PAGE);
+            // SAFETY: the range is whole pages of these data. Where the system refuses, they stay as they are.
+            unsafe {
+                let start = data.add(before).cast();
+                libc::madvise(start, (size - before) / PAGE * PAGE, libc::MADV_HUGEPAGE);
+            }
         }
     }
     data

@@ -23,7 +23,7 @@ use crate::ssnm::{
 use springs::{MORE, OnSprings, STIFFER, Springs, WEAK};
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 /// The load at the end of a step: totals, not increments.
 #[derive(Clone, Debug)]

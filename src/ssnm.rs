@@ -88,7 +88,7 @@ use newton::Newton;
 use outer::Way;
 use scaling::Scaled;
 use std::ops::ControlFlow;
-use std::time::Instant;
+use web_time::Instant;
 
 /// The violation of the optimality conditions that `converged` allows, relative to ε.
 pub(crate) const MET: f64 = 10.0;

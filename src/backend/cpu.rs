@@ -14,7 +14,7 @@ use crate::sparse::{Csr, ROWS_PER_TASK, dot};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Everything in f64 on the threads of rayon, except for the multigrid hierarchy, which is stored and applied as `S`.
 /// Sums are made in tasks of a fixed size, so that they do not depend on the number of threads.

@@ -15,7 +15,7 @@ use crate::sparse::{Csr, norm};
 use crate::stiffness::cholesky::{Factor, FactorError, Plan};
 use faer::Mat;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 /// A relative residual of the probe solve that needs no second look.
 const PROBE_LIMIT: f64 = 1e-6;

@@ -15,7 +15,7 @@ use crate::mesh::{Cut, ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
 use std::collections::HashSet;
-use std::time::Instant;
+use web_time::Instant;
 
 /// A model ready to be solved: the contact problem, and its bodies.
 #[derive(Debug)]

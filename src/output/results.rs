@@ -16,7 +16,7 @@ use crate::quasistatic::StepSolution;
 use crate::solve::Solved;
 use crate::ssnm::Status;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use web_time::Instant;
 
 /// Without the feature `plots` nothing is drawn, in either dimension.
 #[cfg(not(feature = "plots"))]

@@ -20,7 +20,8 @@ use crate::quasistatic::{self, Load, State, StepSettings, StepSolution};
 use crate::sparse::add_times;
 use crate::ssnm::{Info, RecycledSubspace, Status};
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Load steps to be made.
 pub(crate) struct Plan<'p, const D: usize>

@@ -28,7 +28,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
 use rayon::prelude::*;
-use std::time::Instant;
+use web_time::Instant;
 
 /// The reason why K could not be factorised.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -139,10 +139,11 @@ impl Elimination {
     /// The number of threads that the numeric factorisation is worth.
     fn threads(&self) -> Par {
         if self.operations() >= WORTH_THREADS {
-            Par::rayon(rayon::current_num_threads())
-        } else {
-            Par::Seq
+            // In a browser faer has none.
+            #[cfg(not(target_family = "wasm"))]
+            return Par::rayon(rayon::current_num_threads());
         }
+        Par::Seq
     }
 
     /// Multiplications and additions of the factorisation.

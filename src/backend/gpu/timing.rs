@@ -6,7 +6,8 @@ use super::kernels::Kernel;
 use super::queue::MOST_COMMANDS;
 use crate::backend::{Backend as _, BackendError};
 use std::collections::HashMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 use wgpu::BufferUsages;
 
 /// The dispatches of a kernel for one number of rows or pairs.

@@ -16,7 +16,7 @@ use crate::reference::{self, CASE_B, CASE_C, Geometry, MATERIAL};
 use crate::sparse::{dot, norm};
 use crate::stiffness::pcg::Pcg;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 /// How a solve went.
 #[derive(Debug)]
