@@ -18,6 +18,9 @@ use keywords::{OF_MODEL, OF_PARTS, OPTIONS, PASSED_OVER, REASONS};
 
 type Result<T> = std::result::Result<T, Wrong>;
 
+/// Values of TYPE for materials that are alike in all directions.
+const ISOTROPIC: [&str; 3] = ["", "ISO", "ISOTROPIC"];
+
 /// The entries of a data line as numbers, 0 where one is empty.
 fn numbers(line: usize, text: &str) -> Result<Vec<f64>> {
     let value = |text: &str| match text {
@@ -178,9 +181,10 @@ impl<'a> Said<'a> {
                     return Ok(());
                 };
                 let kind = k.option("TYPE").map(key).unwrap_or_default();
-                if !["", "ISO", "ISOTROPIC"].contains(&kind.as_str()) {
+                if !ISOTROPIC.contains(&kind.as_str()) {
                     let text = format!("*ELASTIC, TYPE={kind}: materials are isotropic");
-                    self.refuse(k.line, "ELASTIC", text);
+                    // Without it the material has no stiffness.
+                    self.refuse(k.line, "", text);
                     self.materials[material].is_refused = true;
                     return Ok(());
                 }
@@ -218,6 +222,12 @@ impl<'a> Said<'a> {
                 let Some(material) = self.current_material(k)? else {
                     return Ok(());
                 };
+                let kind = k.option("TYPE").map(key).unwrap_or_default();
+                if !ISOTROPIC.contains(&kind.as_str()) {
+                    let text = format!("*EXPANSION, TYPE={kind}: materials are isotropic");
+                    self.refuse(k.line, "EXPANSION", text);
+                    return Ok(());
+                }
                 if card.data.len() > 1 {
                     self.refuse(
                         k.line,

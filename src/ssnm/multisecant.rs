@@ -49,7 +49,18 @@ pub(super) struct OnSurrogate {
 impl<const D: usize> Steps<D> for OnSurrogate {
     fn make(&mut self, newton: &mut Newton<D>, way: &mut Way<D>) -> Result<Made<D>, DualError> {
         let numbers = newton.dual.settings.numbers;
-        let proposal = newton.propose(way, self.held_above > 0.0 && way.err > self.held_above);
+        way.most = way.most.max(norm_max(&way.point.lambda));
+        let mut proposal = newton.propose(way, self.held_above > 0.0 && way.err > self.held_above);
+        // Without forces there is no friction, and a squeezed body only moves on and on.
+        if way.apart.is_none()
+            && proposal.step.iter().all(|&v| v == 0.0)
+            && let Some((squeezed, _)) = newton.gauge.squeeze_of(&way.point)
+            && newton.press(way, squeezed)?
+        {
+            way.err = newton.gauge.update_error(&mut way.point);
+            self.held_above = HELD * way.err;
+            proposal = newton.propose(way, true);
+        }
         let (before, err) = (way.point.clone(), way.err);
         newton.accept(way, &proposal)?;
         if newton.lets_go(way, &before) {
@@ -94,7 +105,9 @@ impl<const D: usize> Steps<D> for OnSurrogate {
             return Ok(false);
         }
         way.go_back();
-        let sharper = newton.products.tighten(settings.tolerance) || newton.products.refine();
+        let sharper = newton.products.tighten(settings.tolerance)
+            || newton.products.refine()
+            || newton.blur(way)?;
         newton.refresh_exactly(way)?;
         way.best = Best::new(&way.point, way.err);
         // An error of zero cannot be improved.
@@ -146,9 +159,14 @@ impl<const D: usize> Newton<'_, D> {
         steps: usize,
         [is_on_matrix, is_solved]: [bool; 2],
     ) -> Proposal {
-        // Forces below the rounding of those from which they were computed, step by step, count as zero.
+        // Forces below the rounding of those from which they were computed count as zero. A body that friction alone has pressed at first
+        // sheds a part of them in each step.
         let none = vec![0.0; point.lambda.len()];
-        if norm_max(&point.lambda) <= 100.0 * ROUNDING * norm_max(&way.point.lambda)
+        let from = match way.apart {
+            Some(_) => way.most,
+            None => norm_max(&way.point.lambda),
+        };
+        if norm_max(&point.lambda) <= 100.0 * ROUNDING * from
             && (self.dual.balance.as_ref()).is_none_or(|b| b.holds(&none))
         {
             point.lambda = none;

@@ -29,6 +29,8 @@ pub(super) struct Way<const D: usize> {
     /// A point where squeezed bodies bear nothing, which may be a solution: steps look first for one that keeps them in place.
     pub apart: Option<Point>,
     pub best: Best,
+    /// The largest multiplier of all points.
+    pub most: f64,
     /// The sets of the last step.
     pub sets: Option<Sets<D>>,
     /// The steps made.
@@ -162,6 +164,7 @@ impl<const D: usize> Way<D> {
             inner: None,
             err: 0.0,
             best: Best::new(&first, 0.0),
+            most: 0.0,
             first,
             err0: 0.0,
             squeezed: Vec::new(),

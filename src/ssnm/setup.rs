@@ -164,17 +164,25 @@ impl<'a, const D: usize> Newton<'a, D> {
 
     /// Leaves a start where squeezed bodies bear nothing, if that seems to be a solution, for the forces that squeeze them.
     fn keep_squeezed(&mut self, way: &mut Way<D>) -> Result<(), DualError> {
-        let (dual, gauge) = (self.dual, &self.gauge);
+        let (settings, gauge) = (self.dual.settings, &self.gauge);
         let Some((squeezed, err)) = gauge.squeeze_of(&way.point) else {
             return Ok(());
         };
-        let met = dual.settings.tolerance * gauge.first_error(&way.first);
-        let seems = err > dual.settings.numbers.growth * gauge.error(&way.point).max(met);
-        if seems && !self.more_pressed(&squeezed, &way.point.lambda).is_empty() {
+        let met = settings.tolerance * gauge.first_error(&way.first);
+        if err > settings.numbers.growth * gauge.error(&way.point).max(met) {
+            self.press(way, squeezed)?;
+        }
+        Ok(())
+    }
+
+    /// Leaves a point where squeezed bodies bear nothing for these forces; false if they press no further body.
+    pub fn press(&mut self, way: &mut Way<D>, squeezed: Vec<f64>) -> Result<bool, DualError> {
+        let presses = !self.more_pressed(&squeezed, &way.point.lambda).is_empty();
+        if presses {
             way.apart = Some(way.point.clone());
             self.move_to(&mut way.point, squeezed)?;
         }
-        Ok(())
+        Ok(presses)
     }
 }
 

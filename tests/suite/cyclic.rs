@@ -509,6 +509,42 @@ fn contact_goes_on_beyond_the_sides() {
     }
 }
 
+/// A ring that has shrunk onto a shaft, polygons that a quarter of a side turns against each other. As small displacements see it, the
+/// ring leaves the shaft everywhere as soon as it has turned far enough, but friction keeps it where it is.
+#[test]
+fn a_ring_stays_on_a_polygon_that_is_turned() {
+    for cells in [32_u32, 36, 40] {
+        let turned = 0.25 * TAU / f64::from(cells);
+        let cells = [2, cells as usize];
+        let around = |from: f64| [from, from + TAU];
+        let shaft = welded(ring::<3>("shaft", [0.4, 1.0], around(0.0), cells, 1));
+        let hub = welded(ring::<3>("hub", [1.0, 1.6], around(turned), cells, 1));
+        let mesh = join(shaft, hub);
+        let warm = Material {
+            expansion: 2e-5,
+            ..Material::new(1e3, 0.25)
+        };
+        for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+            let model = Model::on(mesh.clone())
+                .material_in("shaft", Material::new(2e3, 0.3))
+                .material_in("hub", warm)
+                .temperature(Temperature::within("hub", -20.0))
+                .support(Support::on("shaft-inside").fixed())
+                .contact(
+                    Pair::new("shaft-outside", "hub-inside")
+                        .overlap_as_interference()
+                        .coulomb(0.2),
+                );
+            let found = answer(model, 1e-6, stiffness);
+            let pressures: Vec<f64> = (0..found.m()).map(|i| found.pressure(i)).collect();
+            let low = pressures.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = pressures.iter().copied().fold(0.0, f64::max);
+            println!("{cells:?} {stiffness:?}: {low:.4} to {high:.4}");
+            assert!(low > 0.9 * high, "{cells:?}: {low} to {high}");
+        }
+    }
+}
+
 /// The mesh with one node where it has several, and without the facets that are between elements then.
 fn welded<const D: usize>(mesh: Mesh<D>) -> Mesh<D>
 where
@@ -863,6 +899,42 @@ fn fits_of_sectors_whose_sides_do_not_match() {
 #[test]
 fn fits_of_turned_sectors_in_space() {
     fits_of_turned_sectors::<3>(8, &[1], &[0.0, 40.0], &[32]);
+}
+
+/// Facets of second order that are covered in part, some of them by images, with large displacements.
+#[test]
+fn a_low_ring_on_a_sector_of_a_shaft() {
+    let forces = [1, 7].map(|parts| {
+        let [shaft, mut hub] =
+            [("shaft", [0.4, 1.0], 0.0), ("hub", [1.0, 1.6], 0.1)].map(|(name, radii, start)| {
+                let angles = [start, start + TAU / f64::from(parts)];
+                ring::<3>(name, radii, angles, [1, 14 / parts as usize], 2)
+            });
+        hub.nodes.iter_mut().for_each(|x| x[2] *= 0.7);
+        let mesh = match parts {
+            1 => join(welded(shaft), welded(hub)),
+            _ => join(shaft, hub),
+        };
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("shaft-inside").fixed())
+            .contact(
+                Pair::new("shaft-outside", "hub-inside")
+                    .interference(0.01)
+                    .coulomb(0.3),
+            );
+        let model = match parts {
+            1 => model,
+            _ => (model.cyclic(repeated("shaft", parts))).cyclic(repeated("hub", parts)),
+        };
+        let found = answer(model, 1e-8, Stiffness::Cholesky);
+        passed_on(&found, f64::from(parts)).0[0]
+    });
+    let off = (forces[1] / forces[0] - 1.0).abs();
+    // Found: 3.4e-5.
+    println!("{forces:?}: {off:.1e}");
+    assert!(off < 1e-4, "{forces:?}");
 }
 
 /// A shaft turns in its hub by more than a sector, with and without friction: in each load step the normal force, the moment, the area

@@ -1778,6 +1778,14 @@ fn options_that_change_the_answer_are_refused() {
             "*STEP, NLGOEM: this option is not understood",
         ),
         (
+            format!("*MATERIAL,NAME=odd\n*ELASTIC,TYPE=ORTHO\n1.,1.,1.,1.,1.,1.,1.,1.\n1.\n{end}"),
+            "*ELASTIC, TYPE=ORTHO: materials are isotropic",
+        ),
+        (
+            format!("*MATERIAL,NAME=odd\n*ELASTIC\n1.,0.\n*EXPANSION,TYPE=ORTHO\n1.,2.,3.\n{end}"),
+            "to go on without it: --ignore 'EXPANSION'",
+        ),
+        (
             format!("*MATERIAL,NAME=SOFT\n*ELASTIC\n1.,0.\n{end}"),
             "line 38: *MATERIAL \"SOFT\" is stated twice",
         ),

@@ -169,10 +169,7 @@ pub(super) const OPTIONS: [(&str, &[&str]); 8] = [
     ),
     ("ELASTIC", &["TYPE", "MODULI", "DEPENDENCIES=0"]),
     ("DENSITY", &["DEPENDENCIES=0"]),
-    (
-        "EXPANSION",
-        &["TYPE=ISO", "TYPE=ISOTROPIC", "ZERO", "DEPENDENCIES=0"],
-    ),
+    ("EXPANSION", &["TYPE", "ZERO", "DEPENDENCIES=0"]),
     ("TRANSFORM", &["NSET", "TYPE"]),
     (
         "STEP",

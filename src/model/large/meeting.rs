@@ -365,14 +365,12 @@ where
     pub(super) fn untouched(&self) -> Vec<Touch<D>> {
         let places = self.candidates.iter().map(|(place, pair)| {
             let mut touch = self.touch(place.clone(), *pair, &self.mesh.nodes);
-            let foot = |&(node, _): &(u32, f64)| {
-                let x = self.mesh.nodes[node as usize];
-                match self.pairs[*pair as usize].obstacle {
-                    None => x,
-                    Some(obstacle) => foot(&obstacle, x).2,
-                }
-            };
-            touch.feet = place.own.iter().map(foot).collect();
+            if let Some(obstacle) = &self.pairs[*pair as usize].obstacle {
+                let own = place.own.iter();
+                let foot =
+                    |&(node, _): &(u32, f64)| foot(obstacle, self.mesh.nodes[node as usize]).2;
+                touch.feet = own.map(foot).collect();
+            }
             touch
         });
         places.collect()
