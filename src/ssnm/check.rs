@@ -159,7 +159,7 @@ impl<const D: usize> Newton<'_, D> {
     /// Loads and products with K are known to the rounding of their terms. Where K is badly conditioned, B K⁻¹ times
     /// that is more than the rounding of B u. No computation with these data finds smaller gaps, or the forces that
     /// close them. The signs of rounding are arbitrary.
-    pub fn blur(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
+    fn blur(&mut self, way: &mut Way<D>) -> Result<bool, DualError> {
         if !self.gauge.blur.is_empty() {
             return Ok(false);
         }
@@ -227,13 +227,12 @@ impl<const D: usize> Newton<'_, D> {
             false => err / scale,
         };
         // A point that meets all conditions is a solution, however it was found. After unloading, forces are no more
-        // accurate than those before, from which slip is measured: rounding may hide the remaining forces. Nor are pressures
-        // more accurate than much larger tractions, where K couples the two.
+        // accurate than those before, from which slip is measured: rounding may hide the remaining forces.
         let settings = self.dual.settings;
         if status == Status::Stagnated && certificate.kkt.max() <= MET * settings.tolerance {
             let before = err * scale / scale.max(gauge.local_error(&self.dual.before));
             let mut goal = Goal::new(settings);
-            goal.by_all = true;
+            goal.by_start = true;
             let (lambda, r) = self.unscaled(&way.point);
             let forces = goal.forces_met(&self.dual.problem, &lambda, &r, &gauge.moved);
             if before <= settings.tolerance && forces {

@@ -22,8 +22,8 @@ pub(super) struct Goal {
     work: f64,
     /// Final checks that failed.
     pub checks: usize,
-    /// Forces are measured by tractions and by those before the load step as well, where they are larger.
-    pub by_all: bool,
+    /// Forces are measured by those before the load step as well, where they were larger.
+    pub by_start: bool,
 }
 
 /// What is known of a point.
@@ -47,7 +47,7 @@ impl Goal {
             slack: f64::INFINITY,
             work: f64::INFINITY,
             checks: 0,
-            by_all: false,
+            by_start: false,
         }
     }
 
@@ -154,7 +154,7 @@ impl Goal {
             *kind = kind.max(force.abs() / areas[i]);
         };
         let before = &problem.load_case().before;
-        for i in 0..if self.by_all { before.len() / D } else { 0 } {
+        for i in 0..if self.by_start { before.len() / D } else { 0 } {
             let before: [f64; D] = at(before, i);
             (0..D).for_each(|a| note(i, a, before[a]));
         }
@@ -178,10 +178,7 @@ impl Goal {
         }
         // Under given bounds there may be only tractions.
         let [pressure, traction] = largest;
-        let largest = match pressure > 0.0 && !self.by_all {
-            true => pressure,
-            false => pressure.max(traction),
-        };
+        let largest = if pressure > 0.0 { pressure } else { traction };
         largest == 0.0 || off <= forces * self.tolerance * largest
     }
 }

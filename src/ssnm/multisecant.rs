@@ -105,9 +105,7 @@ impl<const D: usize> Steps<D> for OnSurrogate {
             return Ok(false);
         }
         way.go_back();
-        let sharper = newton.products.tighten(settings.tolerance)
-            || newton.products.refine()
-            || newton.blur(way)?;
+        let sharper = newton.products.tighten(settings.tolerance) || newton.products.refine();
         newton.refresh_exactly(way)?;
         way.best = Best::new(&way.point, way.err);
         // An error of zero cannot be improved.

@@ -96,7 +96,8 @@ impl Numbers {
     const NONE: u32 = u32::MAX;
 
     pub fn get(&self, tag: u64) -> Option<u32> {
-        match self.table.get(tag as usize) {
+        let place = usize::try_from(tag).ok();
+        match place.and_then(|place| self.table.get(place)) {
             Some(&own) if own != Self::NONE => Some(own),
             _ if self.others.is_empty() => None,
             _ => self.others.get(&tag).copied(),
@@ -112,7 +113,8 @@ impl Numbers {
         if tag >= self.table.len() as u64 && tag <= 4 * u64::from(own) + 1000 {
             self.table.resize(tag as usize + 1, Self::NONE);
         }
-        match self.table.get_mut(tag as usize) {
+        let place = usize::try_from(tag).ok();
+        match place.and_then(|place| self.table.get_mut(place)) {
             Some(place) => *place = own,
             None => {
                 self.others.insert(tag, own);

@@ -4,7 +4,6 @@ use super::xml::{self, Document, Node};
 use super::{Failure, Result, no_mesh};
 use crate::input::pieces;
 use base64::Engine as _;
-
 use base64::engine::general_purpose::STANDARD;
 use rayon::prelude::*;
 use std::io::Read as _;
