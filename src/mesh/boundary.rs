@@ -15,20 +15,12 @@ where
         for &node in self.boundaries.values().flatten().flat_map(facet_corners) {
             on_boundary[node as usize] = true;
         }
-        // The number of elements with each facet, and its orientation seen from outside the first of them; an outer
-        // facet has one owner. Corners identify facets, because a file may leave out the nodes between them.
-        let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
-        if !self.boundaries.is_empty() {
-            let is_there = |facet: &Facet<D>| {
+        let owners = match self.boundaries.is_empty() {
+            true => HashMap::new(),
+            false => self.owners(|facet| {
                 (facet_corners(facet).iter()).all(|&node| on_boundary[node as usize])
-            };
-            let facets: Vec<Facet<D>> = (self.elements.par_iter())
-                .flat_map_iter(|element| element.facets().filter(is_there))
-                .collect();
-            for facet in facets {
-                owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
-            }
-        }
+            }),
+        };
         for (name, facets) in &mut self.boundaries {
             facets.retain_mut(|facet| {
                 // A facet without an outside must not be listed twice if a file has it from both sides: one of its
@@ -59,6 +51,22 @@ where
         }
     }
 
+    /// The number of elements with each facet of some, and its orientation seen from outside the first of them; an outer facet has one
+    /// owner. Corners identify facets, because a file may leave out the nodes between them.
+    fn owners(
+        &self,
+        is_there: impl Fn(&Facet<D>) -> bool + Sync,
+    ) -> HashMap<[u32; 4], (u32, Facet<D>)> {
+        let facets: Vec<Facet<D>> = (self.elements.par_iter())
+            .flat_map_iter(|element| element.facets().filter(&is_there))
+            .collect();
+        let mut owners = HashMap::new();
+        for facet in facets {
+            owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
+        }
+        owners
+    }
+
     /// The facets of a boundary, all on the outside of the body: for loads and contact.
     pub fn outer_facets(&self, name: &str) -> Result<&[Facet<D>], BoundaryError> {
         self.facets_with(name, None)
@@ -83,14 +91,7 @@ where
                 corners.any(|is| is)
             }
         };
-        let mut owners: HashMap<[u32; 4], (u32, Facet<D>)> = HashMap::new();
-        let facets: Vec<Facet<D>> = (self.elements.par_iter())
-            .flat_map_iter(|element| element.facets().filter(is_there))
-            .collect();
-        for facet in facets {
-            owners.entry(unsided(&facet)).or_insert((0, facet)).0 += 1;
-        }
-        let outer = owners.into_values().filter(|(count, _)| *count == 1);
+        let outer = (self.owners(is_there).into_values()).filter(|(count, _)| *count == 1);
         let mut facets: Vec<Facet<D>> = outer.map(|(_, facet)| facet).collect();
         facets.sort_unstable();
         facets

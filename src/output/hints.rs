@@ -124,7 +124,8 @@ impl Moved {
 }
 
 /// The mean displacement of each body that only contact could hold and that bears no forces, if it is larger than all displacements of
-/// bodies that bear forces; else 0. It is 0 as well if these do not move. A body that others push aside moves as far as they do.
+/// bodies that bear forces; else 0. It is also 0 if the bodies that bear forces do not move: a body that others push aside moves as far
+/// as those do.
 fn gone<const D: usize>(of: &OfBodies<D>, count: usize, body_of: &[u32]) -> Vec<f64>
 where
     ElementKind: Space<D>,
