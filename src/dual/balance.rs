@@ -24,6 +24,8 @@ const STEPS: usize = 200;
 /// Forces that leave less than this part of the acting ones unbalanced count as balanced: loads and normals of meshes
 /// are no more accurate.
 pub(crate) const BALANCED: f64 = 1e-10;
+/// How often a step that a pass repeats is doubled at most: where nothing balances a body, φ falls without end.
+const DOUBLINGS: usize = 10;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
 
@@ -94,6 +96,20 @@ struct Trial<const D: usize> {
 }
 
 impl<const D: usize> Trial<D> {
+    /// The one after a step t of η, which changes the forces by t `along`.
+    fn after(
+        &self,
+        t: f64,
+        step: &[f64],
+        along: &[f64],
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) -> Self {
+        let (mut eta, mut z) = (self.eta.clone(), self.z.clone());
+        add_times(t, step, &mut eta);
+        add_times(t, along, &mut z);
+        Self::at(eta, z, project)
+    }
+
     fn at(eta: Vec<f64>, z: Vec<f64>, project: impl Fn(usize, [f64; D]) -> Projected<D>) -> Self {
         let (mut lambda, mut terms) = (vec![0.0; z.len()], vec![0.0; z.len()]);
         let derivatives = (0..z.len() / D).map(|i| {
@@ -261,6 +277,7 @@ impl Balance {
         let curvature = (self.curvature * acting / norm_max(x).max(acting)).max(least);
         let mut before = f64::INFINITY;
         loop {
+            let start = now.eta.clone();
             now = self.pass(now, curvature, &project);
             let left = self.excess(&now.lambda);
             let scales = self.scales(&now.lambda);
@@ -268,10 +285,14 @@ impl Balance {
                 break;
             }
             // The imbalance of a body that nothing holds stays, pass by pass; that of a slab on a foot of 1e-5 of it falls, but
-            // not by a half.
+            // not by a half. There, and where only λ = 0 balances a ring on a polygon, the passes would go on in the same
+            // direction for a long time.
             let size = norm_max(&left);
             if !(size < 0.9 * before) {
                 break;
+            }
+            if before < f64::INFINITY {
+                now = self.farther(now, &start, &project);
             }
             before = size;
         }
@@ -326,10 +347,7 @@ impl Balance {
             let along = self.spread(&direction);
             let mut trial = None;
             let t = where_it_turns(dot(&direction, &slope), |t| {
-                let (mut eta, mut z) = (now.eta.clone(), now.z.clone());
-                add_times(t, &direction, &mut eta);
-                add_times(t, &along, &mut z);
-                let there = trial.insert(Trial::at(eta, z, &project));
+                let there = trial.insert(now.after(t, &direction, &along, &project));
                 slope = slope_at(there);
                 dot(&direction, &slope)
             });
@@ -337,6 +355,25 @@ impl Balance {
                 Some(there) if t > 0.0 => now = there,
                 _ => break,
             }
+        }
+        now
+    }
+
+    /// The way from `start` to here again, twice, four times as far, as long as φ falls.
+    fn farther<const D: usize>(
+        &self,
+        mut now: Trial<D>,
+        start: &[f64],
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) -> Trial<D> {
+        let step: Vec<f64> = now.eta.iter().zip(start).map(|(a, b)| a - b).collect();
+        let along = self.spread(&step);
+        for doubled in 0..DOUBLINGS {
+            let there = now.after((1_u64 << doubled) as f64, &step, &along, &project);
+            if dot(&step, &self.excess(&there.lambda)) > 0.0 {
+                break;
+            }
+            now = there;
         }
         now
     }

@@ -545,6 +545,54 @@ fn a_ring_stays_on_a_polygon_that_is_turned() {
     }
 }
 
+/// A coarse shaft warms by very little in a coarse hub that is turned. Where displacements are large the gaps between arcs are carried
+/// to the displaced places, and must not change where nothing has moved.
+#[test]
+fn a_coarse_shaft_warms_in_a_turned_hub() {
+    for cells in [8_u32, 16] {
+        let ring = |name, radii, from: f64| {
+            welded(ring::<3>(
+                name,
+                radii,
+                [from, from + TAU],
+                [2, cells as usize],
+                1,
+            ))
+        };
+        let model = Model::on(join(
+            ring("shaft", [0.4, 1.0], 0.0),
+            ring("hub", [1.0, 1.6], 0.3),
+        ))
+        .material(Material {
+            expansion: 1e-5,
+            ..Material::new(1e3, 0.3)
+        })
+        .temperature(Temperature::within("shaft", 0.01))
+        .support(Support::on("shaft-inside").fixed())
+        .contact(
+            Pair::new("shaft-outside", "hub-inside")
+                .overlap_as_touching()
+                .coulomb(0.3),
+        );
+        let [small, large] = [model.clone(), model.large_displacements()].map(|model| {
+            let found = answer(model, 1e-6, Stiffness::Cholesky);
+            let pressures = (0..found.m()).map(|i| found.pressure(i));
+            pressures.fold([f64::INFINITY, 0.0], |[low, high], p| {
+                [f64::min(low, p), f64::max(high, p)]
+            })
+        });
+        println!("{cells} cells: {small:?} and {large:?}");
+        // The gaps between the arcs are 0.076 and 0.019, the shaft grows by 1e-7.
+        let part = if cells == 8 { 0.5 } else { 0.01 };
+        for (small, large) in small.iter().zip(large) {
+            assert!(
+                (large - small).abs() < part * small,
+                "{cells}: {large} for {small}"
+            );
+        }
+    }
+}
+
 /// The mesh with one node where it has several, and without the facets that are between elements then.
 fn welded<const D: usize>(mesh: Mesh<D>) -> Mesh<D>
 where

@@ -387,6 +387,8 @@ pub(super) fn covers(
     // Pieces of one facet, one after the other.
     pieces.sort_by_key(|piece| piece.other);
 
+    let mut normals = slave.normals[..slave.len].iter();
+    let is_even = normals.all(|n| (0..3).all(|c| (n[c] - slave.normal[c]).abs() <= AFFINE));
     let weighted = |shape: &[f64; 9], of: &[[f64; 3]; 9]| -> [f64; 3] {
         std::array::from_fn(|c| (0..slave.len).map(|a| shape[a] * of[a][c]).sum())
     };
@@ -438,8 +440,10 @@ pub(super) fn covers(
             };
             for piece in pieces {
                 let other = &seen[piece.other];
-                // Barycentric functions are no polynomials, nor are shape functions between curved edges.
-                let from_centre = !is_whole || !(own.is_straight() && other.is_straight());
+                // Barycentric functions are no polynomials, nor are shape functions between curved edges, nor distances along
+                // normals that turn.
+                let from_centre =
+                    !is_whole || !(own.is_straight() && other.is_straight()) || !is_even;
                 let rule = rule(&own, other);
                 each_point(&piece.polygon, rule, from_centre, |p, weight| {
                     let here = own.at(p);

@@ -84,6 +84,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Document<'_>> {
             parent,
             text(content, here)?,
         ));
+        at += content.len();
+        line += lines(content);
         if !closed {
             open.push(nodes.len() - 1);
         }
