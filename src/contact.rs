@@ -73,6 +73,28 @@ pub const EDGE_ANGLE: f64 = 50.0;
 /// The nodes at the sides of a sector, each with the nodes at the other side, their weights, and the turn from there to here.
 pub type Seams<const D: usize> = HashMap<u32, Vec<(u32, f64, [[f64; D]; D])>>;
 
+/// The axis of cylinders in each other, or the centre of balls.
+#[derive(Clone, Debug)]
+pub struct Centre<const D: usize = 2> {
+    /// A point of the axis, or the centre.
+    pub point: [f64; D],
+    /// Orthonormal directions perpendicular to the axis, or all of them.
+    pub across: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Centre<D> {
+    /// The unit vector along the radius at x that is nearer to `normal`.
+    fn radial(&self, x: [f64; D], normal: [f64; D]) -> [f64; D] {
+        let from = minus(x, self.point);
+        let ways = self.across.iter().map(|way| (way, dot(*way, from)));
+        let radius = ways.fold([0.0; D], |sum, (way, along)| {
+            std::array::from_fn(|c| sum[c] + along * way[c])
+        });
+        let outward = dot(radius, normal).signum();
+        unit(radius).map(|c| outward * c)
+    }
+}
+
 /// The definition of a contact apart from its boundaries.
 #[derive(Clone, Copy)]
 pub struct PairOptions<'a, const D: usize = 2>
@@ -105,6 +127,8 @@ where
     pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Of the nodes at the sides of sectors, where boundaries go on. Averaged normals include those there.
     pub seams: Option<&'a Seams<D>>,
+    /// What both sides are round about. Their normals are along the radii there, so that contact does not turn them about it.
+    pub centre: Option<&'a Centre<D>>,
     /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
     pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
@@ -144,6 +168,7 @@ where
             edge_angle: EDGE_ANGLE,
             symmetry: None,
             seams: None,
+            centre: None,
             held: None,
             search_distance: None,
             moves: false,

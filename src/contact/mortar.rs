@@ -35,6 +35,8 @@
 //! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
 //!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
 //!   from node to node, on a plane for each facet of the slave.
+//! - **Two sides that are round** about one axis or point have νᵢ along the radius ([`super::PairOptions::centre`]). Halfway between
+//!   facets that do not match, forces would pass the axis at a small distance, all on the same side.
 //! - Facets share their common places: nodes, and points on common edges. Where such places are closer to each other than the mesh
 //!   can resolve, one passes its share to the other; corners of the covered part stay.
 //! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has its own
@@ -797,6 +799,16 @@ fn add_to(entries: &mut Vec<(u32, f64)>, node: u32, value: f64) {
     }
 }
 
+/// Leaves out what covers hardly anything of a facet that another part covers wholly: beside a concave edge, the flank
+/// behind it as soon as the edges of both sides are not exactly in one place. Such parts, with forces of their own, come
+/// and go from one iteration to the next.
+fn without_slivers<const D: usize>(covers: &mut Vec<Cover<D>>) {
+    let size = |cover: &Cover<D>| -> f64 { cover.points.iter().map(|point| point.weight).sum() };
+    let whole = covers.iter().filter(|cover| cover.is_whole);
+    let whole = whole.map(size).fold(0.0, f64::max);
+    covers.retain(|cover| cover.is_whole || size(cover) > MISSED * whole);
+}
+
 /// The integrals over one facet of the slave boundary. (One function, because all of them are sums over the same
 /// points.)
 fn integrate<const D: usize>(
@@ -816,7 +828,11 @@ where
         let slack = slave.slack + near[point.other].slack;
         options.gap_at(home(point.place), point.distance, rounding.max(slack))
     };
-    for cover in <ElementKind as Mortar<D>>::covers(slave, near, distance) {
+    let mut covers = <ElementKind as Mortar<D>>::covers(slave, near, distance);
+    if slave.moves {
+        without_slivers(&mut covers);
+    }
+    for cover in covers {
         let depths = cover.points.iter().map(|point| -point.distance);
         all.deepest = depths.fold(all.deepest, f64::max);
         let n = cover.vertices.len();

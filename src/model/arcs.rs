@@ -1,6 +1,7 @@
 //! Sides of a contact that are drawn as arcs about one axis (or as parts of balls about one point). Between their facets the gap
 //! varies by the deviation of the facets from the arcs, which is an artefact of the mesh.
 
+use crate::contact::Centre;
 use crate::dense::{least_squares, symmetric_eigen};
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes};
@@ -31,23 +32,27 @@ where
     if !(scatter > EVEN * range[1].abs() && scatter > 0.0) {
         return None;
     }
-    let nodes = corners(mesh, sides);
+    let nodes = nodes_of(mesh, sides, facet_corners);
     let across = directions_across(mesh, sides)?;
-    let Arcs { radii, .. } = concentric(&nodes, &across, |_| ON_ARC * scatter)?;
+    let Arcs { radii, .. } = concentric(&nodes, across, |_| ON_ARC * scatter)?;
     let [first, second] = radii;
     let gap = (first - second).abs();
     (scatter > EVEN * gap).then_some(gap)
 }
 
-/// The corners of the facets of each side.
-fn corners<const D: usize>(mesh: &Mesh<D>, sides: [&[Facet<D>]; 2]) -> [Vec<[f64; D]>; 2]
+/// The places of some nodes of the facets of each side.
+fn nodes_of<const D: usize>(
+    mesh: &Mesh<D>,
+    sides: [&[Facet<D>]; 2],
+    of_facet: impl Fn(&Facet<D>) -> &[u32],
+) -> [Vec<[f64; D]>; 2]
 where
     ElementKind: Topology<D>,
 {
     sides.map(|facets| {
-        let corners = facets.iter().flat_map(facet_corners);
-        let corners: BTreeSet<u32> = corners.copied().collect();
-        (corners.iter())
+        let nodes = facets.iter().flat_map(&of_facet);
+        let nodes: BTreeSet<u32> = nodes.copied().collect();
+        (nodes.iter())
             .map(|&node| mesh.nodes[node as usize])
             .collect()
     })
@@ -64,33 +69,74 @@ pub(super) fn gap_of_arcs<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
-    let turns = sides.map(|facets| turns(mesh, facets));
-    let bent = |(_, turn): &(f64, f64)| *turn < steepest.to_radians();
-    if !sides.iter().any(|facets| facets.iter().any(is_flat)) || !turns.iter().flatten().all(bent) {
+    if !sides.iter().any(|facets| facets.iter().any(is_flat)) {
         return None;
     }
+    // The gap has to be as well known as the arcs.
+    let near = |off: f64, gap: f64| ON_ARC * off.min(gap);
+    let nodes = nodes_of(mesh, sides, facet_corners);
+    let Arcs { radii, centre } = smooth_arcs(mesh, sides, &nodes, steepest, near)?;
+    // The side that faces away from the axis.
+    let outward: f64 = (sides[0].iter())
+        .map(|facet| {
+            let (area, normal) = mesh.facet_normal(facet);
+            let from = minus(mesh.nodes[facet_corners(facet)[0] as usize], centre.point);
+            let along = |axis: &[f64; D]| dot(*axis, normal) * dot(*axis, from);
+            area * centre.across.iter().map(along).sum::<f64>()
+        })
+        .sum();
+    Some((radii[1] - radii[0]) * outward.signum())
+}
+
+/// What two sides are round about.
+///
+/// Polygons that are turned against each other resist turning: normals between their facets pass the axis by a part of a
+/// facet. A ring without friction would turn on a shaft until nothing presses it.
+pub(super) fn centre_of_arcs<const D: usize>(
+    mesh: &Mesh<D>,
+    sides: [&[Facet<D>]; 2],
+    steepest: f64,
+) -> Option<Centre<D>>
+where
+    ElementKind: Topology<D>,
+{
+    let nodes = nodes_of(mesh, sides, facet_nodes);
+    let near = |off: f64, _| ON_ARC * off;
+    Some(smooth_arcs(mesh, sides, &nodes, steepest, near)?.centre)
+}
+
+/// The arcs that these nodes of two sides are on, if no edge is as sharp as `steepest`, in degrees. The nodes may be off
+/// them by `near` of the deviation of flat facets and the gap.
+fn smooth_arcs<const D: usize>(
+    mesh: &Mesh<D>,
+    sides: [&[Facet<D>]; 2],
+    nodes: &[Vec<[f64; D]>; 2],
+    steepest: f64,
+    near: impl Fn(f64, f64) -> f64,
+) -> Option<Arcs<D>>
+where
+    ElementKind: Topology<D>,
+{
     // Each side is curved.
     for side in sides {
         directions_across(mesh, [side, &[]])?;
     }
     let across = directions_across(mesh, sides)?;
-    let off = turns.iter().flatten().map(sagitta_of).fold(0.0, f64::max);
-    // The gap has to be as well known as the arcs.
+    let turns = sides.map(|facets| turns(mesh, facets));
+    let mut all = turns.iter().flatten();
+    if !all.all(|turn| turn.angle < steepest.to_radians()) {
+        return None;
+    }
+    let off = turns
+        .iter()
+        .flatten()
+        .map(Turn::sagitta)
+        .fold(0.0, f64::max);
     let near = |radii: [f64; 2]| {
-        let least = off.min((radii[1] - radii[0]).abs());
-        (ON_ARC * least).max(WRITTEN * radii[0])
+        let gap = (radii[1] - radii[0]).abs();
+        near(off, gap).max(WRITTEN * radii[0])
     };
-    let Arcs { radii, centre } = concentric(&corners(mesh, sides), &across, near)?;
-    // The side that faces away from the axis.
-    let outward: f64 = (sides[0].iter())
-        .map(|facet| {
-            let (area, normal) = mesh.facet_normal(facet);
-            let from = minus(mesh.nodes[facet_corners(facet)[0] as usize], centre);
-            let along = |axis: &[f64; D]| dot(*axis, normal) * dot(*axis, from);
-            area * across.iter().map(along).sum::<f64>()
-        })
-        .sum();
-    Some((radii[1] - radii[0]) * outward.signum())
+    concentric(nodes, across, near)
 }
 
 fn is_flat<F: AsRef<[u32]>>(facet: &F) -> bool {
@@ -104,26 +150,46 @@ where
     ElementKind: Topology<D>,
 {
     let turns = sides.map(|facets| turns(mesh, facets));
-    let bent = turns
-        .iter()
-        .flatten()
-        .filter(|(_, turn)| *turn < steepest.to_radians());
-    bent.map(sagitta_of).fold(0.0, f64::max)
+    let all = turns.iter().flatten();
+    all.filter(|turn| turn.angle < steepest.to_radians())
+        .map(Turn::sagitta)
+        .fold(0.0, f64::max)
 }
 
-/// Facets of length h that turn by θ from one to the next are h θ/8 off an arc.
-fn sagitta_of(&(length, turn): &(f64, f64)) -> f64 {
-    length * turn / 8.0
+/// A facet beside a ridge.
+struct Side<const D: usize> {
+    middle: [f64; D],
+    normal: [f64; D],
+    is_flat: bool,
 }
 
-/// The distance of the middles of neighbouring facets of first order, and the angle between them.
-fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<(f64, f64)>
+/// Between neighbouring facets.
+struct Turn {
+    /// The distance of their middles.
+    length: f64,
+    /// The angle between their mean normals.
+    angle: f64,
+    /// Whether both are of first order.
+    is_flat: bool,
+}
+
+impl Turn {
+    /// Facets of length h that turn by θ from one to the next are h θ/8 off an arc, if they are flat.
+    fn sagitta(&self) -> f64 {
+        match self.is_flat {
+            true => self.length * self.angle / 8.0,
+            false => 0.0,
+        }
+    }
+}
+
+fn turns<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<Turn>
 where
     ElementKind: Topology<D>,
 {
-    // Middles and normals of facets by the ridges that they share: a node in the plane, two in space.
-    let mut at: HashMap<[u32; 2], Vec<[[f64; D]; 2]>> = HashMap::new();
-    for facet in facets.iter().filter(is_flat) {
+    // By the ridges that facets share: a node in the plane, two in space.
+    let mut at: HashMap<[u32; 2], Vec<Side<D>>> = HashMap::new();
+    for facet in facets {
         let corners = facet_corners(facet);
         let count = corners.len() as f64;
         let all = corners.iter().map(|&node| mesh.nodes[node as usize]);
@@ -137,11 +203,19 @@ where
                 _ => corners[(k + 1) % corners.len()],
             };
             let here = at.entry([a.min(b), a.max(b)]).or_default();
-            here.push([middle, normal]);
+            here.push(Side {
+                middle,
+                normal,
+                is_flat: is_flat(facet),
+            });
         }
     }
     let pairs = at.values().filter_map(|here| match here.as_slice() {
-        &[[x, n], [y, m]] => Some((length(minus(x, y)), dot(n, m).clamp(-1.0, 1.0).acos())),
+        [one, other] => Some(Turn {
+            length: length(minus(one.middle, other.middle)),
+            angle: dot(one.normal, other.normal).clamp(-1.0, 1.0).acos(),
+            is_flat: one.is_flat && other.is_flat,
+        }),
         _ => None,
     });
     pairs.collect()
@@ -150,8 +224,7 @@ where
 /// Two arcs about one axis.
 struct Arcs<const D: usize> {
     radii: [f64; 2],
-    /// A point of the axis, or the centre.
-    centre: [f64; D],
+    centre: Centre<D>,
 }
 
 /// The directions of the plane of an arc: all of them, or those perpendicular to the axis of a cylinder.
@@ -186,7 +259,7 @@ where
 /// |x|² = 2 c·x + kᵢ for the points of side i, rᵢ² = kᵢ + |c|², by least squares; about a point among them, for accuracy.
 fn concentric<const D: usize>(
     sides: &[Vec<[f64; D]>; 2],
-    across: &[[f64; D]],
+    across: Vec<[f64; D]>,
     near: impl Fn([f64; 2]) -> f64,
 ) -> Option<Arcs<D>> {
     let origin = *sides[0].first()?;
@@ -243,10 +316,8 @@ fn concentric<const D: usize>(
     for (way, c) in across.iter().zip(&centre) {
         (0..D).for_each(|k| point[k] += c * way[k]);
     }
-    Some(Arcs {
-        radii,
-        centre: point,
-    })
+    let centre = Centre { point, across };
+    Some(Arcs { radii, centre })
 }
 
 #[cfg(test)]

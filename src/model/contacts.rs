@@ -1,6 +1,6 @@
 //! The contacts of a model: their nodes and their properties.
 
-use super::arcs::{EVEN, between_arcs, gap_of_arcs, sagitta};
+use super::arcs::{EVEN, between_arcs, centre_of_arcs, gap_of_arcs, sagitta};
 use super::cyclic::Repeated;
 use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
@@ -228,6 +228,11 @@ where
                 units.long(overlap)
             )
         })
+    }
+
+    /// Whether both sides are round about one axis or centre.
+    pub fn is_round(&self, mesh: &Mesh<D>) -> bool {
+        centre_of_arcs(mesh, [&self.facets, &self.others], EDGE_ANGLE).is_some()
     }
 
     /// A warning, in words, about sides of sectors whose meshes do not match.
@@ -504,21 +509,24 @@ where
         let excluded = self.excluded(mesh, all)?;
         let law = |x| self.law.at(x);
         // Overlapping arcs lose that overlap as polygons.
-        let mut off = None;
-        let of_arcs = match self.meets() {
-            Against::Boundary(names)
-                if self.overlap.is_some() && !self.is_by_nodes() && !self.is_with_itself() =>
-            {
-                let others = outer_facets(mesh, names.all())?;
-                let steepest = self.edge_angle.unwrap_or(EDGE_ANGLE);
-                let found = gap_of_arcs(mesh, [&facets, &others], steepest);
-                if found.is_none() {
-                    off = Some(sagitta(mesh, [&facets, &others], steepest));
-                }
-                found
+        let (mut off, mut of_arcs, mut centre) = (None, None, None);
+        if let Against::Boundary(names) = self.meets()
+            && !self.is_by_nodes()
+            && !self.is_with_itself()
+        {
+            let others = outer_facets(mesh, names.all())?;
+            let (sides, steepest) = (
+                [&facets[..], &others],
+                self.edge_angle.unwrap_or(EDGE_ANGLE),
+            );
+            if self.overlap.is_some() {
+                of_arcs = gap_of_arcs(mesh, sides, steepest);
+                off = (of_arcs.is_none()).then(|| sagitta(mesh, sides, steepest));
             }
-            _ => None,
-        };
+            if !large && !self.is_tie() {
+                centre = centre_of_arcs(mesh, sides, steepest);
+            }
+        }
         let stated = self.stated_gap().map(|(_, gap)| gap);
         let gap = |x| of_arcs.unwrap_or_else(|| stated.as_ref().map_or(0.0, |gap| gap(x)));
         let overlap = |x| -gap(x);
@@ -534,6 +542,7 @@ where
             adjust: self.adjust,
             offset: self.offset,
             search_distance: self.search_distance,
+            centre: centre.as_ref(),
             moves: large && !self.is_tie(),
             ..self.options(&law, [&normal, &tangential], sliding)
         };

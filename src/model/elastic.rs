@@ -59,7 +59,7 @@ where
     /// For contact of bodies whose displacements are large.
     pub(super) sliding: Sliding<D>,
     /// The bodies that can move as a whole, where displacements are large.
-    pub(super) loose: Vec<LooseBody>,
+    pub(crate) loose: Vec<LooseBody>,
     /// The ties that are a part of K there.
     pub(super) glued: Vec<Glue>,
 }

@@ -349,6 +349,12 @@ where
             } else {
                 format!("{name}: nothing is pressed, although some of it touches")
             });
+            if !elastic.loose.is_empty() && pair.is_round(&elastic.mesh) {
+                hints.push(format!(
+                    "{name}: both sides are round, and where displacements are large their facets resist turning unless they match: a body \
+                     that may turn about the axis turns until nothing is pressed; hold it against turning, or state friction"
+                ));
+            }
         }
         if touching >= RESOLVED && contact.peaks <= 2 {
             hints.push(format!(

@@ -593,6 +593,48 @@ fn a_coarse_shaft_warms_in_a_turned_hub() {
     }
 }
 
+/// Without friction nothing keeps a hub from turning on its shaft. Facets that do not match must not turn it.
+#[test]
+fn a_hub_without_friction_keeps_its_place() {
+    keeps_its_place::<2>();
+    keeps_its_place::<3>();
+}
+
+fn keeps_its_place<const D: usize>()
+where
+    ElementKind: Space<D> + Rings<D>,
+{
+    for order in [1, 2] {
+        let pressed = |turned: f64, stiffness: Stiffness| {
+            let ring = |name, radii, from: f64| {
+                welded(ring::<D>(name, radii, [from, from + TAU], [2, 24], order))
+            };
+            let shaft = ring("shaft", [0.4, 1.0], 0.0);
+            let model = Model::on(join(shaft, ring("hub", [1.0, 1.6], turned)))
+                .material(Material::new(1e3, 0.3))
+                .support(Support::on("shaft-inside").fixed())
+                .contact(Pair::new("shaft-outside", "hub-inside").interference(1e-3));
+            let found = answer(model, 1e-7, stiffness);
+            let far = found
+                .solution
+                .u
+                .iter()
+                .fold(0.0, |far: f64, u| far.max(u.abs()));
+            assert!(far < 2e-3, "order {order}, turned by {turned}: {far}");
+            found.solution.lambda[..found.m()].iter().sum::<f64>()
+        };
+        let matched = pressed(0.0, Stiffness::Cholesky);
+        for (turned, stiffness) in [(0.1, Stiffness::Cholesky), (0.03, Stiffness::Pcg)] {
+            let force = pressed(turned, stiffness);
+            println!("{D} dimensions, order {order}: {force} for {matched}");
+            assert!(
+                (force / matched - 1.0).abs() < 2e-3,
+                "{force} for {matched}"
+            );
+        }
+    }
+}
+
 /// The mesh with one node where it has several, and without the facets that are between elements then.
 fn welded<const D: usize>(mesh: Mesh<D>) -> Mesh<D>
 where

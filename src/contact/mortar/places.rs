@@ -524,6 +524,7 @@ impl<const D: usize> Sums<D> {
         let slip_bound = options.friction.at(origin, self.bound)?;
         // ν is between the normals of both sides, so that their order does not matter.
         let normal = unit(minus(outward, facing.map(|c| c / self.area)));
+        let normal = (options.centre).map_or(normal, |centre| centre.radial(x, normal));
         let normal = options.within_planes(normal, &nodes);
         let mut frame = frame(normal);
         if let Some(held) = &self.held {

@@ -22,6 +22,7 @@ use crate::contact::{
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{ElementKind, Facet, Mesh, bounds, facet_nodes};
+use crate::rigid::Rotation;
 use crate::rounding::ROUNDING;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -102,6 +103,11 @@ impl<const D: usize> Touch<D> {
         force
     }
 
+    /// Whether it has forces or slip to hand on.
+    fn bears(&self) -> bool {
+        [self.force, self.slipped, self.so_far] != [[0.0; D]; 3]
+    }
+
     /// As the next part of a load step begins from it, with the force at the end of this one and the slip in it.
     pub fn settled(&self, force: [f64; D], slip: [f64; D]) -> Self {
         Self {
@@ -127,14 +133,30 @@ impl<const D: usize> Touch<D> {
         (pressing >= 0.0).then(|| from_fn(|c| pressing * nu[c] + part * along[c]))
     }
 
-    /// Takes over from the place that it was in the configuration before, and from that at the end of the last load step.
-    fn carries(&mut self, now: Option<&Self>, before: Option<&Self>) {
+    /// Takes over from the place that it was in the configuration before, and from that at the end of the last load step, whose sides
+    /// have turned since then.
+    fn carries(&mut self, now: Option<&Self>, before: Option<&Self>, turns: &[Rotation<D>]) {
         let to = self.normal();
-        let turned = |v: [f64; D], from: &Self| turned_with(v, from.normal(), to);
-        self.force = now.map_or([0.0; D], |from| turned(from.force, from));
-        self.origin = before.map_or([0.0; D], |from| turned(from.force, from));
-        self.slipped = before.map_or([0.0; D], |from| turned(from.slipped, from));
-        self.so_far = before.map_or([0.0; D], |from| turned(from.so_far, from));
+        self.force = now.map_or([0.0; D], |from| turned_with(from.force, from.normal(), to));
+        let turned = |v: [f64; D]| {
+            let from = before.map_or(to, Self::normal);
+            if turns.is_empty() {
+                return turned_with(v, from, to);
+            }
+            // Half way between both sides, and as long as before.
+            let all = turns
+                .iter()
+                .map(|turn| turned_with(turn.of(v), turn.of(from), to));
+            let sum = all.fold([0.0; D], |sum, v| from_fn(|c| sum[c] + v[c]));
+            let [size, long] = [length(sum), length(v)];
+            match size > 0.0 {
+                true => sum.map(|c| c * (long / size)),
+                false => sum,
+            }
+        };
+        self.origin = before.map_or([0.0; D], |from| turned(from.force));
+        self.slipped = before.map_or([0.0; D], |from| turned(from.slipped));
+        self.so_far = before.map_or([0.0; D], |from| turned(from.so_far));
     }
 }
 
@@ -244,14 +266,13 @@ where
     around
 }
 
-/// A vector after the turn of the facets `around` one side of a place, from some positions of the nodes of the mesh to others.
-fn turned_beside<const D: usize>(
-    v: [f64; D],
+/// The turn of the facets `around` one side of a place, from some positions of the nodes of the mesh to others; None without a facet.
+fn turn_beside<const D: usize>(
     place: &ContactPlace<D>,
     side: &[(u32, f64)],
     around: &HashMap<u32, Vec<u32>>,
     positions: [&dyn Fn(u32) -> [f64; D]; 2],
-) -> [f64; D] {
+) -> Option<Rotation<D>> {
     let beside = side.iter().filter_map(|&(image, _)| {
         let nodes = around.get(&place.node_of(image))?.iter();
         Some(nodes.map(move |&node| place.beside(image, node)))
@@ -262,10 +283,7 @@ fn turned_beside<const D: usize>(
         let all = nodes.iter().map(|&node| place.place_at(node, at));
         all.collect::<Vec<_>>()
     });
-    match nodes.is_empty() {
-        true => v,
-        false => Carried::of(&shares, &from, &to, &[]).turn.of(v),
-    }
+    (!nodes.is_empty()).then(|| Carried::of(&shares, &from, &to, &[]).turn)
 }
 
 impl<const D: usize> Elastic<D>
@@ -325,8 +343,8 @@ where
             return [0.0; D];
         }
         let now = |node: u32| from_fn(|c| rest(node)[c] + u[node as usize][c]);
-        let turned = turned_beside(gap, place, &place.partners, around, [&rest, &now]);
-        minus(turned, gap)
+        let turn = turn_beside(place, &place.partners, around, [&rest, &now]);
+        turn.map_or([0.0; D], |turn| minus(turn.of(gap), gap))
     }
 
     /// Whether forces go to other places, or turn with the line of a spring or with the edge of a surface under pressure, which the
@@ -411,7 +429,13 @@ where
             let begin = self.candidates.partition_point(|place| place.1 < pair);
             let connected = self.connected(pair, moved, now_of, moments[1])?;
             let is_tie = self.pairs[pair as usize].kind == EntityKind::Tie;
-            let around = LazyCell::new(|| around::<D>(&self.pairs[pair as usize].others));
+            let data = &self.pairs[pair as usize];
+            let [around_own, around] =
+                [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
+            let at_then = |node: u32| {
+                let at = node as usize;
+                from_fn(|c| self.mesh.nodes[at][c] + before.displacement[at][c])
+            };
             for (k, was) in now_of.iter().enumerate() {
                 let mut acts = pair_acts;
                 let rest = &self.candidates[begin + k].0;
@@ -476,7 +500,21 @@ where
                         }
                     },
                 }
-                touch.carries(Some(was).filter(|_| acts), Some(&before_of[k]));
+                let turns = match self.pairs[pair as usize].obstacle {
+                    Some(_) if D == 3 && before_of[k].bears() => {
+                        let own = turn_beside(
+                            &touch.place,
+                            &touch.place.own,
+                            &around_own,
+                            [&at_then, &|node: u32| moved.nodes[node as usize]],
+                        );
+                        own.into_iter()
+                            .chain([self.turn_of_obstacle(pair, moments, first)])
+                            .collect()
+                    }
+                    _ => Vec::new(),
+                };
+                touch.carries(Some(was).filter(|_| acts), Some(&before_of[k]), &turns);
                 if connected.is_some() && acts {
                     touch.force = was.force_along(&touch.place.frame);
                 }
@@ -577,6 +615,21 @@ where
         }
         touch.distance = touch.place.gap;
         Ok(())
+    }
+
+    /// How an obstacle turns in a load step, where it is in its place at the end of it.
+    fn turn_of_obstacle(&self, pair: u32, moments: [&Moment<D>; 2], first: bool) -> Rotation<D> {
+        let number = pair as usize;
+        let [was, is] = moments.map(|at| Moved {
+            of: self.definition.pairs[number].motion.as_ref(),
+            factor: at.motions[number],
+        });
+        let carried = |x: [f64; D]| if first { x } else { was.carried(x, &is) };
+        let origin = carried([0.0; D]);
+        Rotation::nearest((0..D).map(|c| {
+            let way = from_fn(|k| f64::from(u8::from(k == c)));
+            (1.0, way, minus(carried(way), origin))
+        }))
     }
 
     /// Gives the places of a contact with an obstacle the areas of the displaced boundary, as those of contacts between bodies have.
@@ -787,7 +840,8 @@ where
             });
             mutual.collect::<Vec<_>>()
         };
-        let around = LazyCell::new(|| around::<D>(&data.facets));
+        let [around, beyond] =
+            [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
         let here = |node: u32| moved.nodes[node as usize];
         let at_then = |node: u32| {
             let at = node as usize;
@@ -834,17 +888,23 @@ where
                 // A place that nothing was opposite to slips as the nodes that are opposite now.
                 None => {
                     let far = Self::apart(&touch.place, frame, at_then);
-                    let far = turned_beside(
-                        far,
-                        &touch.place,
-                        &touch.place.own,
-                        &around,
-                        [&at_then, &here],
-                    );
-                    minus(touch.apart, far)
+                    let own = &touch.place.own;
+                    let turn = turn_beside(&touch.place, own, &around, [&at_then, &here]);
+                    minus(touch.apart, turn.map_or(far, |turn| turn.of(far)))
                 }
             };
-            touch.carries(now_at.map(|k| &now[k]), origin);
+            // A turn of both bodies about the normal leaves the normal as it is. (In the plane the normal shows each turn.)
+            let carries = D == 3 && origin.is_some_and(|from| from.bears());
+            let sides = [
+                (&touch.place.own, &around),
+                (&touch.place.partners, &beyond),
+            ];
+            let turns: Vec<Rotation<D>> = (sides.into_iter().filter(|_| carries))
+                .filter_map(|(side, around)| {
+                    turn_beside(&touch.place, side, around, [&at_then, &here])
+                })
+                .collect();
+            touch.carries(now_at.map(|k| &now[k]), origin, &turns);
         }
         let mut order: Vec<usize> = (0..touches.len()).collect();
         order.sort_by_key(|&i| of_now[i].unwrap_or(usize::MAX));

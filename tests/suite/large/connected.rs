@@ -493,6 +493,38 @@ fn a_sector_is_blown_up() {
     assert!(most > 0.2, "{most}");
 }
 
+/// A sector of a ring of linear elements under a pressure from outside. Its rows at the sides hold it, and it is as stable as the
+/// whole ring; not so far above the pressure under which a ring buckles in as many waves as there are sectors.
+#[test]
+fn a_sector_is_pressed_in() {
+    let sector = |pressure: f64| {
+        let mut mesh = block(
+            [0.0; 3],
+            [1.0; 3],
+            [1, 2, 1],
+            SolidShape::Hexahedron,
+            "ring",
+            "",
+        );
+        for x in &mut mesh.nodes {
+            let (r, angle) = (1.0 + 0.2 * x[0], PI / 6.0 * x[1]);
+            *x = [r * angle.cos(), r * angle.sin(), 0.2 * x[2]];
+        }
+        let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
+        Model::on(mesh)
+            .large_displacements()
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("bottom").z(0.0))
+            .support(Support::on("left").about(axis).hoop(0.0))
+            .traction(Traction::on("right").pressure(pressure))
+            .cyclic(Cyclic::between("front", "back", axis, 12))
+    };
+    for path in [Cholesky, Pcg] {
+        let ends = solved_in_space(sector(0.5), 1e-10, path);
+        converged(&ends, 10);
+    }
+}
+
 /// The work of a moment, and of a force, on the point of a coupling is that of their means over a load step, in any direction of the drawing
 /// and however the nodes pass them on; so is that of a stated rotation.
 #[test]

@@ -19,6 +19,47 @@ fn pressed(coulomb: f64) -> Pair {
     }
 }
 
+/// Two blocks with a compliant joint, twisted against each other by 1°, are turned about the axis of the twist: the torque stays.
+#[test]
+fn a_twisted_joint_turns_with_its_blocks() {
+    let part = |z: f64, name: &str| {
+        let prefix = format!("{name}-");
+        block(
+            [0.0, 0.0, z],
+            [1.0; 3],
+            [3, 3, 2],
+            SolidShape::Hexahedron,
+            name,
+            &prefix,
+        )
+    };
+    let axis = Axis::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
+    let turned = |side, twist: f64| {
+        let angles = [0.0, 45.0, 90.0, 180.0].map(|angle| angle + twist);
+        Support::on(side).turned(axis, 1.0).factors(angles)
+    };
+    let model = Model::on(join(part(0.0, "low"), part(1.0, "up")))
+        .large_displacements()
+        .material(Material::new(1e3, 0.3))
+        .support(turned("low-bottom", 1.0))
+        .support(turned("up-top", 0.0))
+        .contact(
+            Pair::new("up-bottom", "low-top")
+                .interference(0.02)
+                .tangential_stiffness(50.0)
+                .coulomb(10.0),
+        )
+        .steps([1.0; 4]);
+    let ends = solved_in_space(model, 1e-9, Stiffness::Cholesky);
+    let torques = ends.iter().map(|end| end.report.contacts[0].moment[2]);
+    let torques: Vec<f64> = torques.collect();
+    println!("{torques:?}");
+    assert!(torques[0].abs() > 0.1, "{torques:?}");
+    for torque in &torques {
+        assert!((torque / torques[0] - 1.0).abs() < 1e-6, "{torques:?}");
+    }
+}
+
 /// Two blocks that press each other are turned by 90° in three steps: their forces turn with them.
 #[test]
 fn two_blocks_turn_as_one() {

@@ -607,3 +607,32 @@ fn a_block_is_pushed_into_a_channel() {
         }
     }
 }
+
+/// A block is pressed into a groove whose flanks meet at more than the angle of an edge, but less than 90°. Beside the edge a sliver
+/// of each flank faces the other one as soon as anything has moved.
+#[test]
+fn a_block_is_pressed_into_a_groove() {
+    for slope in [0.577, 0.9] {
+        let mut below = part([-1.0, -1.0], [2.0, 1.0], [10, 5], "below");
+        let mut above = part([-1.0, 0.0], [2.0, 1.0], [8, 5], "above");
+        for x in &mut below.nodes {
+            x[1] += (1.0 + x[1]) * x[0].abs() * slope;
+        }
+        for x in &mut above.nodes {
+            x[1] += (1.0 - x[1]) * x[0].abs() * slope;
+        }
+        let model = Model::on(join(below, above))
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on("below-bottom").fixed())
+            .support(Support::on("above-top").x(0.0).y(-0.004))
+            .contact(Pair::new("above-bottom", "below-top").adjust(1e-6));
+        let [small, large] = [model.clone(), model.large_displacements()].map(|model| {
+            let found = answer(model, 1e-7, Cholesky);
+            (0..found.m())
+                .map(|i| found.contact_force(i)[1])
+                .sum::<f64>()
+        });
+        println!("slope {slope}: {large} for {small}");
+        assert!((large / small - 1.0).abs() < 0.02, "{large} for {small}");
+    }
+}
