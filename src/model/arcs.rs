@@ -15,6 +15,11 @@ pub(super) const EVEN: f64 = 0.1;
 const ACROSS: f64 = 1e-6;
 /// Nodes are this near to an arc, as a part of how much the gap scatters.
 const ON_ARC: f64 = 0.05;
+/// Two sides that look in fewer directions than this may be a groove or a chamfer with an element for each flank: their few
+/// corners are on an arc, too.
+const ROUND: usize = 5;
+/// Normals whose cosine is this near to 1 are one direction (0.08°).
+const ALIKE: f64 = 1e-6;
 /// Coordinates in files have six digits at least.
 const WRITTEN: f64 = 2e-6;
 
@@ -100,6 +105,19 @@ pub(super) fn centre_of_arcs<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    let mut ways: Vec<[f64; D]> = Vec::new();
+    for facet in sides.into_iter().flatten() {
+        let normal = mesh.facet_normal(facet).1;
+        if ways.iter().all(|way| dot(*way, normal).abs() < 1.0 - ALIKE) {
+            ways.push(normal);
+        }
+        if ways.len() == ROUND {
+            break;
+        }
+    }
+    if ways.len() < ROUND {
+        return None;
+    }
     let nodes = nodes_of(mesh, sides, facet_nodes);
     let near = |off: f64, _| ON_ARC * off;
     Some(smooth_arcs(mesh, sides, &nodes, steepest, near)?.centre)
@@ -389,6 +407,39 @@ mod tests {
             ),
         );
         assert_eq!(found(&flat, [0.0, 0.1]), None);
+    }
+
+    #[test]
+    fn few_flanks_are_not_round() {
+        let centre = |mesh: &Mesh| {
+            let side = |name: &str| mesh.outer_facets(name).map(<[_]>::to_vec);
+            let (Ok(inner), Ok(outer)) = (side("in-right"), side("out-left")) else {
+                panic!("the boundaries of a rectangle")
+            };
+            centre_of_arcs(mesh, [&inner, &outer], 50.0)
+        };
+        let point = centre(&rings([9, 14], 0.0)).expect("arcs").point;
+        assert!(length(minus(point, [3.0, -7.0])) < 1e-9, "{point:?}");
+        assert!(centre(&rings([9, 14], 0.01)).is_none());
+        // A groove with two flanks, or three that end on a circle, and what fits into it.
+        for flanks in [2, 3] {
+            let part = |x: f64, name: &str| {
+                let prefix = format!("{name}-");
+                rectangle(
+                    [x, -1.0],
+                    [1.0, 2.0],
+                    [1, flanks],
+                    CellShape::Quad,
+                    name,
+                    &prefix,
+                )
+            };
+            let mut mesh = join(part(-1.0, "in"), part(0.0, "out"));
+            for x in &mut mesh.nodes {
+                x[0] += 0.3 * x[1] * x[1];
+            }
+            assert!(centre(&mesh).is_none(), "{flanks} flanks");
+        }
     }
 
     #[test]
