@@ -326,6 +326,8 @@ struct Process<'a, const D: usize> {
     begin: Instant,
     /// Rᵀū.
     place: Vec<f64>,
+    /// The origin of slip, also along rows of T without entries: supports may drive their nodes.
+    origin: Vec<f64>,
     made: Vec<Round>,
 }
 
@@ -341,6 +343,7 @@ impl<'a, const D: usize> Process<'a, D> {
     ) -> Self {
         Self {
             place: whole.floating_bodies().resultants(&start.u),
+            origin: start.slip_origin(&whole, load),
             lawful: lawful(whole, load, start),
             dual,
             settings,
@@ -513,10 +516,9 @@ impl<'a, const D: usize> Process<'a, D> {
 
     /// The end of the step with a solution.
     fn end(self, solution: Solution<D>) -> StepSolution<D> {
-        let origin = self.lawful.slip_origin();
         let (rows, m) = (self.lawful.tangential(), self.lawful.m());
         let mut slip = (self.lawful).beyond_compliance(rows, m, &solution.u, &solution.lambda);
-        (slip.iter_mut().zip(origin)).for_each(|(s, o)| *s -= o);
+        add_times(-1.0, &self.origin, &mut slip);
         let settled = match solution.status {
             Status::Converged => settle(&self.lawful, &solution),
             _ => vec![0.0; slip.len()],

@@ -197,6 +197,33 @@ fn slip_in_space_has_a_length() {
     }
 }
 
+/// A block whose lower edge a support drives along a floor wears there by pressure and slip, as where its upper edge is driven.
+#[test]
+fn driven_nodes_wear() {
+    let floor = Obstacle::HalfSpace {
+        point: [0.0, 0.0],
+        normal: [0.0, 1.0],
+    };
+    for sides in [&["bottom"][..], &["left", "right", "top"], &["top"]] {
+        let mesh = rectangle([0.0, 0.0], [2.0, 0.5], [4, 2], CellShape::Quad, "body", "");
+        let model = Model::on(mesh)
+            .material(Material::new(1e9, 0.0))
+            .traction(Traction::on("top").pressure(2e5))
+            .contact(Pair::obstacle("bottom", floor).wear(WEAR));
+        let model = (sides.iter()).fold(model, |model, side| {
+            model.support(Support::on(*side).x(0.01))
+        });
+        for path in PATHS {
+            let volume = volume(&worn(&answer(model.clone(), 1e-10, path)));
+            let expected = WEAR * 2.0 * 2e5 * 0.01;
+            assert!(
+                (volume / expected - 1.0).abs() < 1e-6,
+                "{sides:?}: {volume} {expected}"
+            );
+        }
+    }
+}
+
 #[test]
 fn wear_that_is_not_understood_is_refused() {
     let mesh = rectangle([0.0, 0.0], [2.0, 1.0], [4, 2], CellShape::Quad, "body", "");
