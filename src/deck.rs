@@ -88,10 +88,13 @@ pub enum DeckError {
 
 fn listed(path: &Path, refusals: &[(String, String, String)]) -> String {
     let keys: BTreeSet<&str> = refusals.iter().map(|one| one.1.as_str()).collect();
-    let keys: Vec<&str> = keys.into_iter().filter(|key| !key.is_empty()).collect();
-    let way_out = match keys.is_empty() {
+    // What cannot be ignored would be refused again.
+    let way_out = match keys.contains("") {
         true => String::new(),
-        false => format!("; to go on without it: --ignore '{}'", keys.join(",")),
+        false => {
+            let keys: Vec<&str> = keys.into_iter().collect();
+            format!("; to go on without it: --ignore '{}'", keys.join(","))
+        }
     };
     // A remark on several lines appears once.
     let mut places: Vec<(&str, Vec<&str>)> = Vec::new();

@@ -298,7 +298,7 @@ impl<const D: usize> Translation<'_, '_, D> {
                 self.regions.push((number, name, elements));
                 if !material.is_refused {
                     let text = format!("*MATERIAL \"{}\" has no *ELASTIC", material.name);
-                    self.refuse(material.line, "MATERIAL", text);
+                    self.refuse(material.line, "", text);
                 }
                 continue;
             };

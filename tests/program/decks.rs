@@ -228,6 +228,15 @@ fn unsupported_entries_of_a_deck_are_refused_or_ignored() {
         place.path(),
         &["solve", "blocks.inp", "--ignore", "nlgeom,plastic"],
     );
+    let backwards = PRESSED.replace("GENERATE\n1,18\n", "GENERATE\n18,1\n");
+    write(&place.path().join("blocks.inp"), &backwards);
+    let run = signorini_in(place.path(), &["solve", "blocks.inp"]);
+    assert_eq!(run.status.code(), Some(1));
+    let error = text(&run.stderr);
+    assert!(
+        error.contains("blocks.inp, line 27: GENERATE counts up"),
+        "{error}"
+    );
     write(&place.path().join("case.toml"), "");
     let run = signorini_in(place.path(), &["check", "case.toml", "--ignore", "NLGEOM"]);
     assert!(text(&run.stderr).contains("--ignore applies only to decks"));

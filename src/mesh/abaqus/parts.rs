@@ -711,6 +711,11 @@ fn members(
         for (place, entry) in range.iter_mut().zip(&all) {
             *place = label(line, entry)?;
         }
+        let [first, last, _] = range;
+        if first > last {
+            let text = format!("GENERATE counts up, and {first} is more than {last}");
+            return Err(Failure::line(line, text));
+        }
         return Ok(vec![Member::Range(instance.clone(), range)]);
     }
     let member = |entry: &&str| {
