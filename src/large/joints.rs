@@ -1,15 +1,19 @@
-//! Stability of bodies that rows hold which always act: of sectors, couplings, nodes that move alike, preloads and springs.
+//! Stability of bodies that rows hold: of sectors, couplings, nodes that move alike, preloads and springs, which always act, and of
+//! contact that presses or sticks, which goes on doing so under a small push.
 
+use crate::constraint::row_of;
 use crate::contact::Space;
 use crate::dual::scatter;
 use crate::mesh::ElementKind;
 use crate::model::Configuration;
-use crate::sparse::{Csr, add_times, dot};
+use crate::sparse::{Csr, add_times, dot, norm_max};
 
 /// Steps at most: a direction of negative curvature shows long before the residual is small.
 const STEPS: usize = 5000;
 /// The residual at the end, as a part of the load.
 const SOLVED: f64 = 1e-6;
+/// Places press whose force is more than this part of the largest: as much as solves leave undecided.
+const PRESSES: f64 = 1e-6;
 
 /// Whether the tangent is definite where these rows are as stiff as they say, hard ones `hard` times the mean diagonal of K;
 /// false without such rows.
@@ -25,21 +29,22 @@ where
         (problem.floating_bodies()).grounded(problem.stiffness(), |unknown| touched[unknown / D]);
     let mut diagonal = k.diagonal();
     let mean = diagonal.iter().sum::<f64>() / diagonal.len() as f64;
-    let (tied, compliance) = (at.contact.tied(), problem.compliance());
-    let (m, mut rows, mut entries) = (tied.len(), 0, Vec::new());
+    let (tied, compliance, sets) = (at.contact.tied(), problem.compliance(), at.sets());
+    let most = norm_max(&at.lambda[..tied.len()]);
+    let (mut rows, mut entries) = (0, Vec::new());
     let acting = at.contact.numbered();
-    for (r, ..) in acting.filter(|&(r, i, _)| tied[r] && !at.touches[i].idle) {
-        for a in 0..D {
-            let (matrix, row, number) = match a {
-                0 => (problem.normal(), r, r),
-                _ => {
-                    let row = (D - 1) * r + a - 1;
-                    (problem.tangential(), row, m + row)
-                }
-            };
-            let given_way = compliance.get(number).copied().unwrap_or(0.0);
+    for (r, ..) in acting.filter(|&(_, i, _)| !at.touches[i].idle) {
+        let directions = match tied[r] {
+            true => D,
+            false if !(at.lambda[r] > PRESSES * most) => 0,
+            false if problem.has_friction(r) && !sets.slips(r) => D,
+            false => 1,
+        };
+        for a in 0..directions {
+            let row = row_of::<D>(tied.len(), r, a);
+            let given_way = compliance.get(row).copied().unwrap_or(0.0);
             let stiffness = (hard * mean).min(1.0 / given_way);
-            let (cols, values) = matrix.row(row);
+            let (cols, values) = problem.contact_matrix().row(row);
             let row = cols.iter().zip(values);
             entries.extend(row.map(|(&j, v)| (rows, j as usize, stiffness.sqrt() * v[0][0])));
             rows += 1;

@@ -21,7 +21,9 @@ use signorini::elasticity::{Hyperelastic, Material};
 use signorini::engine::{Device, Engine, EngineOptions, Stiffness};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
-use signorini::model::{Analysis, Axis, Built, Coupling, Model, Motion, Pair, Support, Traction};
+use signorini::model::{
+    Analysis, Axis, Built, Coupling, Model, Motion, Pair, Support, Temperature, Traction,
+};
 use signorini::output::{Report, Results, StepReport, StepResults};
 use signorini::quasistatic::StepSettings;
 use signorini::solve::Event;
@@ -343,6 +345,39 @@ fn a_straight_column_is_told_as_unstable() {
     for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
         assert_eq!(under(0.9 * euler, stiffness), Status::Converged);
         assert_eq!(under(25.0 * euler, stiffness), Status::Unstable);
+    }
+}
+
+/// Nearly incompressible rubber that shrinks freely by a hundredth on its support. In one step K is not definite there.
+#[test]
+fn rubber_cools_in_parts_of_a_step() {
+    let mesh = block(
+        [0.0; 3],
+        [1.0; 3],
+        [2; 3],
+        SolidShape::Hexahedron,
+        "box",
+        "",
+    );
+    let mesh = mesh.raised().unwrap_or_else(|error| panic!("{error}"));
+    let model = Model::on(mesh.clone())
+        .large_displacements()
+        .material(Material {
+            expansion: 1e-3,
+            ..neo_hooke(1e3, 0.49)
+        })
+        .temperature(Temperature::within("box", -10.0))
+        .support(Support::on("left").x(0.0))
+        .support(Support::on("front").y(0.0))
+        .support(Support::on("bottom").z(0.0));
+    for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+        let end = &solved_in_space(model.clone(), 1e-8, stiffness)[0];
+        assert_eq!(end.status, Status::Converged);
+        for (x, u) in mesh.nodes.iter().zip(&end.displacement) {
+            for (x, u) in x.iter().zip(u) {
+                assert!((u + 0.01 * x).abs() < 1e-5, "{u} at {x}");
+            }
+        }
     }
 }
 

@@ -286,6 +286,16 @@ fn turn_beside<const D: usize>(
     (!nodes.is_empty()).then(|| Carried::of(&shares, &from, &to, &[]).turn)
 }
 
+/// How an obstacle turns in a load step, where it is in its place at the end of it.
+fn turn_of_obstacle<const D: usize>([was, is]: [Moved<D>; 2], first: bool) -> Rotation<D> {
+    let carried = |x: [f64; D]| if first { x } else { was.carried(x, &is) };
+    let origin = carried([0.0; D]);
+    Rotation::nearest((0..D).map(|c| {
+        let way = from_fn(|k| f64::from(u8::from(k == c)));
+        (1.0, way, minus(carried(way), origin))
+    }))
+}
+
 impl<const D: usize> Elastic<D>
 where
     ElementKind: Space<D>,
@@ -394,6 +404,21 @@ where
         places.collect()
     }
 
+    /// Where a node is under some displacements.
+    fn place_of(&self, node: u32, u: &[[f64; D]]) -> [f64; D] {
+        let at = node as usize;
+        from_fn(|c| self.mesh.nodes[at][c] + u[at][c])
+    }
+
+    /// The motion of an obstacle at both ends of a load step.
+    fn motions<'m>(&'m self, pair: u32, moments: [&Moment<D>; 2]) -> [Moved<'m, D>; 2] {
+        let number = pair as usize;
+        moments.map(|at| Moved {
+            of: self.definition.pairs[number].motion.as_ref(),
+            factor: at.motions[number],
+        })
+    }
+
     /// The contact places at the present configuration; with `first`, obstacles are at their old places.
     pub(super) fn meeting(
         &self,
@@ -432,10 +457,7 @@ where
             let data = &self.pairs[pair as usize];
             let [around_own, around] =
                 [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
-            let at_then = |node: u32| {
-                let at = node as usize;
-                from_fn(|c| self.mesh.nodes[at][c] + before.displacement[at][c])
-            };
+            let at_then = |node: u32| self.place_of(node, &before.displacement);
             for (k, was) in now_of.iter().enumerate() {
                 let mut acts = pair_acts;
                 let rest = &self.candidates[begin + k].0;
@@ -450,7 +472,13 @@ where
                     Some(obstacle) => {
                         let (feet, bends) = (&before_of[k].feet, met.bends.len());
                         self.meet_obstacle(
-                            moved, obstacle, moments, first, feet, &mut touch, &mut met,
+                            moved,
+                            obstacle,
+                            self.motions(pair, moments),
+                            first,
+                            feet,
+                            &mut touch,
+                            &mut met,
                         )?;
                         if !acts {
                             met.bends.truncate(bends);
@@ -509,7 +537,7 @@ where
                             [&at_then, &|node: u32| moved.nodes[node as usize]],
                         );
                         own.into_iter()
-                            .chain([self.turn_of_obstacle(pair, moments, first)])
+                            .chain([turn_of_obstacle(self.motions(pair, moments), first)])
                             .collect()
                     }
                     _ => Vec::new(),
@@ -562,18 +590,13 @@ where
         &self,
         moved: &Mesh<D>,
         obstacle: &Obstacle<D>,
-        [from, to]: [&Moment<D>; 2],
+        [was, is]: [Moved<D>; 2],
         first: bool,
         before: &[[f64; D]],
         touch: &mut Touch<D>,
         met: &mut Meeting<D>,
     ) -> Result<(), ModelError> {
         let number = touch.pair as usize;
-        let pair = &self.definition.pairs[number];
-        let [was, is] = [from, to].map(|at| Moved {
-            of: pair.motion.as_ref(),
-            factor: at.motions[number],
-        });
         let there = if first { was } else { is }.obstacle(obstacle);
         let number_of_place = met.touches.len();
         for (k, &(node, weight)) in touch.place.own.clone().iter().enumerate() {
@@ -585,6 +608,7 @@ where
                         place: x.into(),
                         obstacle: obstacle.name(),
                     };
+                    let pair = &self.definition.pairs[number];
                     return Err(pair.entity(number).error(Fault::Contact(error)));
                 }
                 touch.place.frame = frame(normal);
@@ -615,21 +639,6 @@ where
         }
         touch.distance = touch.place.gap;
         Ok(())
-    }
-
-    /// How an obstacle turns in a load step, where it is in its place at the end of it.
-    fn turn_of_obstacle(&self, pair: u32, moments: [&Moment<D>; 2], first: bool) -> Rotation<D> {
-        let number = pair as usize;
-        let [was, is] = moments.map(|at| Moved {
-            of: self.definition.pairs[number].motion.as_ref(),
-            factor: at.motions[number],
-        });
-        let carried = |x: [f64; D]| if first { x } else { was.carried(x, &is) };
-        let origin = carried([0.0; D]);
-        Rotation::nearest((0..D).map(|c| {
-            let way = from_fn(|k| f64::from(u8::from(k == c)));
-            (1.0, way, minus(carried(way), origin))
-        }))
     }
 
     /// Gives the places of a contact with an obstacle the areas of the displaced boundary, as those of contacts between bodies have.
@@ -843,10 +852,7 @@ where
         let [around, beyond] =
             [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
         let here = |node: u32| moved.nodes[node as usize];
-        let at_then = |node: u32| {
-            let at = node as usize;
-            from_fn(|c| self.mesh.nodes[at][c] + displacement_before[at][c])
-        };
+        let at_then = |node: u32| self.place_of(node, displacement_before);
         // Where a boundary meets itself, the nearest one may be across the body.
         let alike = |from: &Touch<D>, touch: &Touch<D>| {
             !data.meets_itself() || dot(from.normal(), touch.normal()) > 0.0

@@ -13,7 +13,7 @@ use signorini::engine::Stiffness::{Cholesky, Pcg};
 use signorini::mesh::Mesh;
 use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
 use signorini::model::{
-    Axis, Coupling, Cyclic, Foundation, Model, Pair, Preload, Spring, Support, Traction,
+    Axis, Coupling, Cyclic, Equal, Foundation, Model, Pair, Preload, Spring, Support, Traction,
 };
 use signorini::output::ContactReport;
 use signorini::ssnm::Status;
@@ -493,8 +493,93 @@ fn a_sector_is_blown_up() {
     assert!(most > 0.2, "{most}");
 }
 
+/// A block on a wider one, pressed down by a dead load, with a weak foundation beside it: contact that presses keeps it from tilting.
+#[test]
+fn a_block_on_a_wider_one_is_stable() {
+    let part = |size, shift, cells, name: &str| {
+        let prefix = format!("{name}-");
+        rectangle(shift, size, cells, CellShape::Quad, name, &prefix)
+    };
+    let model = Model::on(join(
+        part([1.6, 1.0], [0.0; 2], [8, 5], "a"),
+        part([1.0, 1.0], [0.3, 1.0], [5, 5], "b"),
+    ))
+    .large_displacements()
+    .material(Material::new(1e3, 0.0))
+    .support(Support::on("a-bottom").fixed())
+    .traction(Traction::on("b-top").y(-20.0))
+    .foundation(Foundation::under("b-left").normal(20.0).tangential(20.0))
+    .contact(Pair::new("b-bottom", "a-top"));
+    for path in [Cholesky, Pcg] {
+        let ends = solved(model.clone(), 1e-8, path);
+        assert_eq!(ends[0].status, Status::Converged);
+    }
+}
+
+/// A column whose flat top sticks to a stiff block that is pressed down stays level there: it buckles as one with clamped ends.
+#[test]
+fn a_column_that_sticks_buckles_late() {
+    let part = |size, shift, cells, name: &str| {
+        let prefix = format!("{name}-");
+        let mesh = rectangle(shift, size, cells, CellShape::Quad, name, &prefix);
+        mesh.raised().or_panic()
+    };
+    let mesh = join(
+        part([0.1, 1.0], [0.0; 2], [2, 20], "column"),
+        part([0.5, 0.3], [-0.2, 1.0], [5, 3], "block"),
+    );
+    let model = |shortening: f64| {
+        Model::on(mesh.clone())
+            .large_displacements()
+            .material_in("column", Material::new(1e3, 0.0))
+            .material_in("block", Material::new(1e5, 0.0))
+            .support(Support::on("column-bottom").fixed())
+            .support(Support::on("block-top").x(0.0).y(-shortening))
+            .contact(Pair::new("column-top", "block-bottom").coulomb(0.5))
+    };
+    // E A / l of the column, and 4 π² E I / l².
+    let (stiffness, euler) = (100.0, 4.0 * PI.powi(2) * 1e3 * 1e-3 / 12.0);
+    for path in [Cholesky, Pcg] {
+        let status = |load: f64| solved(model(load / stiffness), 1e-8, path)[0].status;
+        assert_eq!(status(0.7 * euler), Status::Converged);
+        assert_eq!(status(1.4 * euler), Status::Unstable);
+    }
+}
+
+/// A column whose top stays level as its nodes move alike: these rows do not hide that it buckles.
+#[test]
+fn a_column_with_a_level_top_buckles() {
+    let status = |load: f64, path| {
+        let mesh = block(
+            [0.0; 3],
+            [1.0, 1.0, 20.0],
+            [1, 1, 20],
+            SolidShape::Hexahedron,
+            "column",
+            "",
+        );
+        let model = Model::on(mesh)
+            .large_displacements()
+            .material(Material {
+                incompatible_modes: true,
+                ..Material::new(1e3, 0.0)
+            })
+            .support(Support::on("bottom").fixed())
+            .support(Support::on("top").x(0.0).y(0.0))
+            .equal(Equal::of("top").along([false, false, true]))
+            .traction(Traction::on("top").pressure(load));
+        solved_in_space(model, 1e-10, path)[0].status
+    };
+    // Both ends are clamped: 4 π² E I / l².
+    let euler = 4.0 * PI.powi(2) * 1e3 / 12.0 / 400.0;
+    for path in [Cholesky, Pcg] {
+        assert_eq!(status(0.8 * euler, path), Status::Converged);
+        assert_eq!(status(1.2 * euler, path), Status::Unstable);
+    }
+}
+
 /// A sector of a ring of linear elements under a pressure from outside. Its rows at the sides hold it, and it is as stable as the
-/// whole ring; not so far above the pressure under which a ring buckles in as many waves as there are sectors.
+/// whole ring.
 #[test]
 fn a_sector_is_pressed_in() {
     let sector = |pressure: f64| {
