@@ -73,25 +73,34 @@ pub const EDGE_ANGLE: f64 = 50.0;
 /// The nodes at the sides of a sector, each with the nodes at the other side, their weights, and the turn from there to here.
 pub type Seams<const D: usize> = HashMap<u32, Vec<(u32, f64, [[f64; D]; D])>>;
 
-/// The axis of cylinders in each other, or the centre of balls.
+/// Radii of round sides that fit differ by no more than this part of the larger one: at a point of contact at the angle θ off the
+/// line of both centres, the directions of both radii differ by θ times that.
+const FITTING: f64 = 0.1;
+
+/// Whether round sides of these radii fit into each other. Radii of sides that face their axis are below 0.
+pub(crate) fn fit(one: f64, other: f64) -> bool {
+    one * other < 0.0 && (one + other).abs() <= FITTING * one.abs().max(other.abs())
+}
+
+/// What a facet is round about: the axis of a cylinder, or the centre of a ball.
 #[derive(Clone, Debug)]
 pub struct Centre<const D: usize = 2> {
     /// A point of the axis, or the centre.
     pub point: [f64; D],
     /// Orthonormal directions perpendicular to the axis, or all of them.
     pub across: Vec<[f64; D]>,
+    /// The radius; below 0 where the facet faces the axis.
+    pub radius: f64,
 }
 
 impl<const D: usize> Centre<D> {
-    /// The unit vector along the radius at x that is nearer to `normal`.
-    fn radial(&self, x: [f64; D], normal: [f64; D]) -> [f64; D] {
+    /// The way to x from the axis, or from the centre.
+    pub(crate) fn radius_to(&self, x: [f64; D]) -> [f64; D] {
         let from = minus(x, self.point);
         let ways = self.across.iter().map(|way| (way, dot(*way, from)));
-        let radius = ways.fold([0.0; D], |sum, (way, along)| {
+        ways.fold([0.0; D], |sum, (way, along)| {
             std::array::from_fn(|c| sum[c] + along * way[c])
-        });
-        let outward = dot(radius, normal).signum();
-        unit(radius).map(|c| outward * c)
+        })
     }
 }
 
@@ -127,8 +136,9 @@ where
     pub symmetry: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Of the nodes at the sides of sectors, where boundaries go on. Averaged normals include those there.
     pub seams: Option<&'a Seams<D>>,
-    /// What both sides are round about. Their normals are along the radii there, so that contact does not turn them about it.
-    pub centre: Option<&'a Centre<D>>,
+    /// What each facet of both sides is round about, at rest; may be left empty. Between round facets that fit, normals are along the radii
+    /// of the first side and gaps are those between the arcs, so that contact does not turn them.
+    pub centres: [&'a [Option<Centre<D>>]; 2],
     /// Between bodies: orthonormal directions along which nodes are held, by supports or as they move alike with others.
     pub held: Option<&'a HashMap<u32, Vec<[f64; D]>>>,
     /// Beyond this distance bodies are no candidates for contact with each other, and Tresca's bound does not act on an
@@ -168,7 +178,7 @@ where
             edge_angle: EDGE_ANGLE,
             symmetry: None,
             seams: None,
-            centre: None,
+            centres: [&[], &[]],
             held: None,
             search_distance: None,
             moves: false,

@@ -35,8 +35,9 @@
 //! - **Curved facets** follow their shape functions: normals, gaps and measures are those of the true surface, and a point of one
 //!   facet is found on the other by Newton's method. In space the intersection of two of them is clipped between straight lines
 //!   from node to node, on a plane for each facet of the slave.
-//! - **Two sides that are round** about one axis or point have νᵢ along the radius ([`super::PairOptions::centre`]). Halfway between
-//!   facets that do not match, forces would pass the axis at a small distance, all on the same side.
+//! - **Two sides that are round**, one in the other one, have ν along the radius of the slave ([`super::PairOptions::centres`]). Halfway
+//!   between facets that do not match, forces would pass the axis at a small distance, all on the same side. Gaps are those of
+//!   the arcs through the nodes of each facet, and do not change as the sides turn. Both turn and move with the facets around a node.
 //! - Facets share their common places: nodes, and points on common edges. Where such places are closer to each other than the mesh
 //!   can resolve, one passes its share to the other; corners of the covered part stay.
 //! - Both boundaries are cut at edges sharper than an angle ([`super::PairOptions::edge_angle`]): each smooth part has its own
@@ -70,8 +71,8 @@ use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
-use surface::Surface;
 pub(crate) use surface::smooth_parts_of;
+use surface::{Bulge, Surface};
 
 pub use super::search::Beam;
 
@@ -88,6 +89,7 @@ pub struct SlaveFacet<const D: usize> {
     normal: [f64; D],
     /// Its largest deviation from the surface that it approximates.
     slack: f64,
+    bulge: Bulge<D>,
     /// The extent of the body perpendicular to the plane.
     depth: Depth,
     plane: Plane,
@@ -225,6 +227,7 @@ pub struct MasterFacet<const D: usize> {
     normal: [f64; D],
     /// Its largest deviation from the surface that it approximates.
     slack: f64,
+    bulge: Bulge<D>,
     /// The smooth part of the boundary that it belongs to.
     part: u32,
     /// The deepest overlap with it.
@@ -264,7 +267,7 @@ pub struct IntegrationPoint<const D: usize> {
     master: [f64; 9],
     /// The outward unit normals of both there.
     normals: [[f64; D]; 2],
-    /// Their distance, along the averaged normal; negative where they overlap.
+    /// Their distance, along the averaged normal, between round sides that of the arcs; negative where they overlap.
     distance: f64,
     /// The weight, with how far the body reaches perpendicular to the plane in it.
     weight: f64,
@@ -449,10 +452,11 @@ where
     let distance = options.distance_between(body, facets, others) * (1.0 + 1e-9);
     let rounding = rounding(body);
     let depths = body.depths();
-    let first = Surface::new(mesh, facets, &depths, options)?;
+    let [own, there] = options.centres;
+    let first = Surface::new(mesh, facets, &depths, options, own)?;
     let opposite = match options.itself {
         Some(_) => None,
-        None => Some(Surface::new(mesh, others, &depths, options)?),
+        None => Some(Surface::new(mesh, others, &depths, options, there)?),
     };
     let second = opposite.as_ref().unwrap_or(&first);
     let search = Search::new(mesh, others);
@@ -461,7 +465,7 @@ where
     let behind = || -> Option<&Behind<D>> {
         let nodes = || (0..mesh.nodes.len() as u32).collect::<Vec<_>>();
         let outside = outside.get_or_init(|| mesh.outer_facets_at(&nodes(), true));
-        let skin = skin.get_or_init(|| Surface::new(mesh, outside, &depths, options).ok());
+        let skin = skin.get_or_init(|| Surface::new(mesh, outside, &depths, options, &[]).ok());
         let made = walls.get_or_init(|| skin.as_ref().map(|skin| Behind::new(body, skin)));
         made.as_ref()
     };
@@ -625,6 +629,7 @@ impl<const D: usize> SlaveFacet<D> {
             normals,
             normal: surface.outward[number],
             slack: surface.slack[number],
+            bulge: surface.bulge[number],
             depth: surface.depth[number],
             plane: body.plane,
             held: Vec::new(),
@@ -725,6 +730,8 @@ impl<const D: usize> Default for FacetShares<D> {
 /// vertices.
 struct Shares<const D: usize> {
     part: u32,
+    /// Whether both are round, and fit.
+    is_round: bool,
     vertices: Vec<Share<D>>,
 }
 
@@ -832,7 +839,14 @@ where
     if slave.moves {
         without_slivers(&mut covers);
     }
-    for cover in covers {
+    for mut cover in covers {
+        // All facets of a smooth part are round about one axis.
+        let mut others = cover.points.iter().map(|point| &near[point.other]);
+        let is_round = (others.next()).is_some_and(|other| slave.bulge.fits(&other.bulge));
+        for point in cover.points.iter_mut().filter(|_| is_round) {
+            let other = &near[point.other];
+            point.distance -= slave.bulge.at(&point.slave) + other.bulge.at(&point.master);
+        }
         let depths = cover.points.iter().map(|point| -point.distance);
         all.deepest = depths.fold(all.deepest, f64::max);
         let n = cover.vertices.len();
@@ -967,6 +981,7 @@ where
         }
         all.covers.push(Shares {
             part: cover.part,
+            is_round,
             vertices,
         });
     }

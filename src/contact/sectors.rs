@@ -4,7 +4,7 @@
 //! kept that begin in the first sector, so that each is there once. Nodes of other sectors are *images*: node b of sector k has the number
 //! b + k · (nodes of a sector), and its displacement is that of b, turned by k sectors.
 
-use super::{ContactError, ContactPlace, PairOptions, Seams, Wall};
+use super::{Centre, ContactError, ContactPlace, PairOptions, Seams, Wall};
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
 use crate::mesh::{Element, ElementKind, Facet, Mesh, Topology, bounds, facet_nodes};
@@ -116,6 +116,38 @@ impl<const D: usize> Sectors<D> {
     /// A vector turned by k sectors.
     fn turned(&self, v: [f64; D], k: usize) -> [f64; D] {
         self.turns[k].0.map(|row| dot(row, v))
+    }
+
+    /// The facets of all sectors, on a mesh of their nodes alone.
+    pub(crate) fn all_around(
+        &self,
+        mesh: &Mesh<D>,
+        sides: [&[Facet<D>]; 2],
+    ) -> (Mesh<D>, [Vec<Facet<D>>; 2])
+    where
+        ElementKind: Topology<D>,
+    {
+        let mut whole = mesh.clone();
+        whole.elements.clear();
+        whole.nodes.clear();
+        let mut numbers: HashMap<u32, u32> = HashMap::new();
+        let sides = sides.map(|facets| {
+            let all = (0..self.count).flat_map(|sector| facets.iter().map(move |f| (sector, *f)));
+            let turned = all.map(|(sector, mut facet)| {
+                for node in facet.as_mut() {
+                    let image = self.image(sector, *node);
+                    *node = *numbers.entry(image).or_insert_with(|| {
+                        let (node, k) = self.of(image);
+                        let x = mesh.nodes[node as usize];
+                        whole.nodes.push(self.carried(x, k));
+                        whole.nodes.len() as u32 - 1
+                    });
+                }
+                facet
+            });
+            turned.collect()
+        });
+        (whole, sides)
     }
 
     /// A place turned by k sectors.
@@ -411,6 +443,25 @@ where
         Some(all)
     }
 
+    /// What each of its facets is round about.
+    pub fn centres(&self, sides: [&[Option<Centre<D>>]; 2]) -> [Vec<Option<Centre<D>>>; 2] {
+        let turned = |centre: &Centre<D>, sector: usize| Centre {
+            point: self.sectors.carried(centre.point, sector),
+            across: (centre.across.iter())
+                .map(|way| self.sectors.turned(*way, sector))
+                .collect(),
+            radius: centre.radius,
+        };
+        let of = |all: &[(usize, usize)], centres: &[Option<Centre<D>>]| {
+            let each = all.iter().map(|&(sector, k)| {
+                let centre = centres.get(k)?.as_ref()?;
+                Some(turned(centre, sector))
+            });
+            each.collect()
+        };
+        [of(&self.of_facets, sides[0]), of(&self.of_others, sides[1])]
+    }
+
     /// Where boundaries go on beyond sides of sectors that have no nodes in common: at nodes of the sector beside, if that is there.
     pub fn seams(&self, options: &PairOptions<D>) -> Option<Seams<D>> {
         let (seams, sectors) = (options.seams?, self.sectors);
@@ -512,6 +563,7 @@ where
     let [symmetry, held] = [options.symmetry, options.held].map(|of| around.vectors(of));
     let (seams, of_facets) = (around.seams(options), around.sectors_of_facets());
     let walls = around.walls(options.walls, sides[0].len());
+    let centres = around.centres(options.centres);
     let body = Body {
         mesh: &around.mesh,
         ..*body
@@ -523,6 +575,7 @@ where
         search_distance: Some(distance),
         rest: around.rest.as_ref(),
         walls: &walls,
+        centres: centres.each_ref().map(Vec::as_slice),
         sectors: None,
         around: Some((sectors, &of_facets)),
         ..*options

@@ -1,6 +1,6 @@
 //! The contacts of a model: their nodes and their properties.
 
-use super::arcs::{EVEN, between_arcs, centre_of_arcs, gap_of_arcs, sagitta};
+use super::arcs::{EVEN, between_arcs, centres_of_arcs, gap_of_arcs, sagitta};
 use super::cyclic::Repeated;
 use super::entities::{Names, Part as _, Target};
 use super::error::{Entity, EntityKind, Fault, ModelError};
@@ -10,7 +10,7 @@ use super::stated_gap::Stated;
 use super::supports::{Prescriptions, SAME, Way, extended, nodes_of_sets};
 use super::{Definition, Drive, Driven, Equal, Pair, Units};
 use crate::contact::{
-    ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Excluded, Itself, Met, Obstacle,
+    Centre, ContactError, ContactPlace, ContactRows, EDGE_ANGLE, Excluded, Itself, Met, Obstacle,
     PairOptions, Seams, Sectors, Space, Unmet, Wall, equal_nodes, held_across, mortar_contact,
     node_contact, obstacle_contact, walls,
 };
@@ -72,6 +72,8 @@ where
     pub unmet: Option<Unmet<D>>,
     /// Whether both sides of a tie look the same way, so that it holds node by node.
     pub alike: bool,
+    /// What each facet of both sides is round about at rest, if it fits to some of the other side; empty where none is.
+    pub centres: [Vec<Option<Centre<D>>>; 2],
     /// The gap between sides that are drawn as arcs about one axis, where that of their facets scatters by more than a tenth.
     pub arcs: Option<f64>,
     /// The deviation of facets from the curved surfaces (not arcs about one axis) that they approximate, if an overlap is
@@ -125,6 +127,7 @@ where
             search_distance: 0.0,
             unmet: None,
             alike: false,
+            centres: [Vec::new(), Vec::new()],
             arcs: None,
             sagitta: None,
             unmatched: None,
@@ -228,11 +231,6 @@ where
                 units.long(overlap)
             )
         })
-    }
-
-    /// Whether both sides are round about one axis or centre.
-    pub fn is_round(&self, mesh: &Mesh<D>) -> bool {
-        centre_of_arcs(mesh, [&self.facets, &self.others], EDGE_ANGLE).is_some()
     }
 
     /// A warning, in words, about sides of sectors whose meshes do not match.
@@ -509,22 +507,46 @@ where
         let excluded = self.excluded(mesh, all)?;
         let law = |x| self.law.at(x);
         // Overlapping arcs lose that overlap as polygons.
-        let (mut off, mut of_arcs, mut centre) = (None, None, None);
-        if let Against::Boundary(names) = self.meets()
-            && !self.is_by_nodes()
-            && !self.is_with_itself()
-        {
-            let others = outer_facets(mesh, names.all())?;
+        let (mut off, mut of_arcs) = (None, None);
+        let mut centres = [Vec::new(), Vec::new()];
+        let mut others = match self.meets() {
+            Against::Boundary(names) => outer_facets(mesh, names.all())?,
+            Against::Obstacle(_) => Vec::new(),
+        };
+        let sectors = match self.meets() {
+            Against::Boundary(_) => sliding.sectors(mesh, [&facets, &others])?.cloned(),
+            Against::Obstacle(_) => None,
+        };
+        if !others.is_empty() && !self.is_by_nodes() && !self.is_with_itself() {
             let (sides, steepest) = (
                 [&facets[..], &others],
                 self.edge_angle.unwrap_or(EDGE_ANGLE),
             );
-            if self.overlap.is_some() {
-                of_arcs = gap_of_arcs(mesh, sides, steepest);
-                off = (of_arcs.is_none()).then(|| sagitta(mesh, sides, steepest));
+            if !self.is_tie() {
+                centres = match &sectors {
+                    None => centres_of_arcs(mesh, sides, steepest),
+                    Some(sectors) => {
+                        let (whole, all) = sectors.all_around(mesh, sides);
+                        centres_of_arcs(&whole, all.each_ref().map(Vec::as_slice), steepest)
+                    }
+                };
+                for (centres, facets) in centres.iter_mut().zip(sides) {
+                    centres.truncate(facets.len());
+                }
             }
-            if !large && !self.is_tie() {
-                centre = centre_of_arcs(mesh, sides, steepest);
+            if self.overlap.is_some() {
+                if centres[0].is_empty() {
+                    of_arcs = gap_of_arcs(mesh, sides, steepest);
+                }
+                off = (of_arcs.is_none()).then(|| {
+                    let others = [0, 1].map(|side: usize| -> Vec<Facet<D>> {
+                        let is_round = |k: usize| centres[side].get(k).is_some_and(Option::is_some);
+                        let facets = sides[side].iter().enumerate();
+                        let others = facets.filter(|&(k, _)| !is_round(k));
+                        others.map(|(_, facet)| *facet).collect()
+                    });
+                    sagitta(mesh, others.each_ref().map(Vec::as_slice), steepest)
+                });
             }
         }
         let stated = self.stated_gap().map(|(_, gap)| gap);
@@ -542,17 +564,15 @@ where
             adjust: self.adjust,
             offset: self.offset,
             search_distance: self.search_distance,
-            centre: centre.as_ref(),
             moves: large && !self.is_tie(),
             ..self.options(&law, [&normal, &tangential], sliding)
         };
-        let (mut others, mut unmet, mut alike) = (Vec::new(), None, false);
-        let (mut behind, mut sectors) = (Vec::new(), None);
+        let (mut unmet, mut alike) = (None, false);
+        let mut behind = Vec::new();
         let held;
         let mut boundary = self.side().to_string();
         let (found, against, search_distance) = match self.meets() {
             Against::Boundary(names) => {
-                others = outer_facets(body.mesh, names.all())?;
                 let mut against = match self.is_with_itself() {
                     true => "itself".to_owned(),
                     false => names.to_string(),
@@ -565,6 +585,7 @@ where
                 if !self.is_by_nodes() && is_held(&facets) && !is_held(&others) {
                     std::mem::swap(&mut facets, &mut others);
                     std::mem::swap(&mut boundary, &mut against);
+                    centres.swap(0, 1);
                 }
                 if self.is_tie() {
                     options.search_distance = Some(match self.adjust {
@@ -592,7 +613,7 @@ where
                     options.held = Some(&held);
                 }
                 options.walls = &behind;
-                sectors = sliding.sectors(mesh, [&facets, &others])?.cloned();
+                options.centres = centres.each_ref().map(Vec::as_slice);
                 options.sectors = sectors.as_ref();
                 let found = match self.is_by_nodes() {
                     true => node_contact(body, &nodes, &facets, Met::Facets(&others), &options),
@@ -649,6 +670,7 @@ where
             search_distance,
             unmet,
             alike,
+            centres,
             sagitta: off,
             ..PairData::between(kind, &self.name, boundary, against, self.friction(units))
         };
@@ -733,6 +755,7 @@ where
             search_distance: Some(distance),
             moves: true,
             rest: Some(rest),
+            centres: data.centres.each_ref().map(Vec::as_slice),
             walls: &data.walls,
             sectors: data.sectors.as_ref(),
             itself: data.meets_itself().then_some(Itself {
@@ -945,7 +968,8 @@ where
         }
         for (number, data) in pairs.iter_mut().enumerate() {
             let as_drawn = (self.pairs.get(number)).is_some_and(Pair::has_gap_of_meshes);
-            if as_drawn && data.obstacle.is_none() && !data.meets_itself() && data.places > 0 {
+            let as_drawn = as_drawn && data.obstacle.is_none() && data.centres[0].is_empty();
+            if as_drawn && !data.meets_itself() && data.places > 0 {
                 data.arcs = between_arcs(mesh, [&data.facets, &data.others], data.gap);
             }
         }

@@ -349,10 +349,10 @@ where
             } else {
                 format!("{name}: nothing is pressed, although some of it touches")
             });
-            if !elastic.loose.is_empty() && pair.is_round(&elastic.mesh) {
+            if elastic.is_large() && !elastic.loose.is_empty() && !pair.centres[0].is_empty() {
                 hints.push(format!(
-                    "{name}: both sides are round, and where displacements are large their facets resist turning unless they match: a body \
-                     that may turn about the axis turns until nothing is pressed; hold it against turning, or state friction"
+                    "{name}: both sides are round; without friction the slightest moment turns a body that may turn about the axis: hold it \
+                     against turning, or state friction"
                 ));
             }
         }

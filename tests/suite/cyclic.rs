@@ -605,7 +605,7 @@ where
     ElementKind: Space<D> + Rings<D>,
 {
     for order in [1, 2] {
-        let pressed = |turned: f64, stiffness: Stiffness| {
+        let pressed = |turned: f64, large: bool, stiffness: Stiffness| {
             let ring = |name, radii, from: f64| {
                 welded(ring::<D>(name, radii, [from, from + TAU], [2, 24], order))
             };
@@ -614,24 +614,94 @@ where
                 .material(Material::new(1e3, 0.3))
                 .support(Support::on("shaft-inside").fixed())
                 .contact(Pair::new("shaft-outside", "hub-inside").interference(1e-3));
+            let model = match large {
+                true => model.large_displacements(),
+                false => model,
+            };
+            // What turns freely is pressed off the end of the shaft by the slightest slide.
+            let model = match D {
+                3 => {
+                    let axis = <ElementKind as Rings<D>>::axis();
+                    let outside = Support::on("hub-outside").about(axis);
+                    model.support(<ElementKind as Rings<D>>::along(outside))
+                }
+                _ => model,
+            };
             let found = answer(model, 1e-7, stiffness);
             let far = found
                 .solution
                 .u
                 .iter()
                 .fold(0.0, |far: f64, u| far.max(u.abs()));
-            assert!(far < 2e-3, "order {order}, turned by {turned}: {far}");
+            // In space nothing resists turning but rounding, and it may turn far before forces are met.
+            assert!(
+                far < 2e-3 || large && D == 3,
+                "order {order}, turned by {turned}, large {large}: {far}"
+            );
             found.solution.lambda[..found.m()].iter().sum::<f64>()
         };
-        let matched = pressed(0.0, Stiffness::Cholesky);
+        let matched = pressed(0.0, false, Stiffness::Cholesky);
         for (turned, stiffness) in [(0.1, Stiffness::Cholesky), (0.03, Stiffness::Pcg)] {
-            let force = pressed(turned, stiffness);
-            println!("{D} dimensions, order {order}: {force} for {matched}");
-            assert!(
-                (force / matched - 1.0).abs() < 2e-3,
-                "{force} for {matched}"
-            );
+            for large in [false, true] {
+                // The same, and slow.
+                if large && D == 3 && order == 2 {
+                    continue;
+                }
+                let force = pressed(turned, large, stiffness);
+                println!("{D} dimensions, order {order}, large {large}: {force} for {matched}");
+                let part = if large { 5e-3 } else { 2e-3 };
+                assert!(
+                    (force / matched - 1.0).abs() < part,
+                    "{force} for {matched}"
+                );
+            }
         }
+    }
+}
+
+/// Pins that move in holes with other facets: forces are those of facets that match, of each of two pins of one contact, too, and of a
+/// pin that is drawn where it touches.
+#[test]
+fn pins_in_holes_of_other_facets() {
+    let force = |places: &[f64], facets: [usize; 2], drawn: f64| {
+        let part = |name: String, radii, facets, place: [f64; 2]| {
+            let mut mesh = welded(ring::<2>(&name, radii, [0.0, TAU], [6, facets], 1));
+            for x in &mut mesh.nodes {
+                *x = [x[0] + place[0], x[1] + place[1]];
+            }
+            mesh
+        };
+        let parts = places.iter().enumerate().map(|(k, &x)| {
+            let pin = part(format!("pin{k}"), [0.4, 0.99], facets[0], [x, -drawn]);
+            let plate = part(format!("plate{k}"), [1.0, 2.0], facets[1], [x, 0.0]);
+            join(pin, plate)
+        });
+        let all = |name: &str| -> Vec<String> {
+            let each = (0..places.len()).map(|k| name.replace('*', &k.to_string()));
+            each.collect()
+        };
+        let model = Model::on(parts.reduce(join).expect("a pin"))
+            .material(Material::new(1e3, 0.3))
+            .support(Support::on(all("pin*-inside")).x(0.0).y(drawn - 0.02))
+            .support(Support::on(all("plate*-outside")).fixed())
+            .contact(Pair::new(all("pin*-outside"), all("plate*-inside")));
+        let found = answer(model, 1e-9, Stiffness::Cholesky);
+        found.solution.lambda[..found.m()].iter().sum::<f64>() / places.len() as f64
+    };
+    let matched = force(&[0.0], [96, 96], 0.0);
+    for (places, facets, drawn, most) in [
+        (&[0.0][..], [48, 96], 0.0, 0.02),
+        (&[0.0], [96, 40], 0.0, 0.02),
+        (&[0.0, 5.0], [48, 96], 0.0, 0.02),
+        (&[0.0], [48, 96], 0.01, 0.02),
+        (&[0.0], [96, 96], 0.01, 0.02),
+    ] {
+        let found = force(places, facets, drawn);
+        println!("{places:?} {facets:?} {drawn}: {found} for {matched}");
+        assert!(
+            (found / matched - 1.0).abs() < most,
+            "{found} for {matched}"
+        );
     }
 }
 

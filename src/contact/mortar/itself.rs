@@ -234,7 +234,7 @@ where
     ElementKind: Mortar<D>,
 {
     let mesh = body.mesh;
-    let surface = Surface::new(mesh, facets, &body.depths(), options)?;
+    let surface = Surface::new(mesh, facets, &body.depths(), options, &[])?;
     let behind = Behind::new(body, &surface);
     // Sides that overlap in the drawing are nearer than the element between them.
     let heights = heights(mesh, &surface);

@@ -88,6 +88,7 @@ where
                         .or_insert_with(|| Sums::new(parts, share.place));
                     sum.add(share, nodes, &transformed);
                     sum.edge = sum.edge.min(edge);
+                    sum.is_round |= cover.is_round;
                     sum.is_curved |= nodes.len() > facet_corners(&first.facets[facet]).len();
                 }
             }
@@ -349,6 +350,8 @@ struct Sums<const D: usize> {
     angle: f64,
     /// Whether one of the facets is partly covered.
     is_partial: bool,
+    /// Whether both sides are round, and fit.
+    is_round: bool,
     /// Whether one of them is of second order.
     is_curved: bool,
     /// The shortest edge of the facets.
@@ -371,6 +374,7 @@ impl<const D: usize> Sums<D> {
             place,
             angle: 0.0,
             is_partial: false,
+            is_round: false,
             is_curved: false,
             edge: f64::INFINITY,
             area: 0.0,
@@ -509,7 +513,7 @@ impl<const D: usize> Sums<D> {
         // On a curved facet the mean normal transfers a uniform pressure unchanged; on the border of the covered part
         // it would represent that of a place inside.
         let is_whole_curve = self.is_curved && !self.is_partial;
-        let outward = if is_whole_curve {
+        let outward = if is_whole_curve && !self.is_round {
             options.within_planes(unit(outward), &nodes)
         } else {
             mean(&own, |node| first.normal(node, self.parts.0))
@@ -522,9 +526,11 @@ impl<const D: usize> Sums<D> {
         // Of fields: where the place was at rest.
         let origin = (options.rest).map_or(x, |rest| mean(&own, |node| rest.nodes[node as usize]));
         let slip_bound = options.friction.at(origin, self.bound)?;
-        // ν is between the normals of both sides, so that their order does not matter.
-        let normal = unit(minus(outward, facing.map(|c| c / self.area)));
-        let normal = (options.centre).map_or(normal, |centre| centre.radial(x, normal));
+        let normal = match self.is_round {
+            true => outward,
+            // ν is between the normals of both sides, so that their order does not matter.
+            false => unit(minus(outward, facing.map(|c| c / self.area))),
+        };
         let normal = options.within_planes(normal, &nodes);
         let mut frame = frame(normal);
         if let Some(held) = &self.held {

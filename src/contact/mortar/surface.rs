@@ -1,11 +1,13 @@
 //! A boundary of a pair: its facets, the smooth parts that sharp edges cut it into, and its averaged normals.
 
 use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
-use crate::contact::ContactError;
 use crate::contact::search::Search;
+use crate::contact::{Centre, ContactError, fit};
 use crate::elasticity::{Depth, Depths};
-use crate::mesh::vector::{dot, length, unit};
+use crate::mesh::shape::sum;
+use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes};
+use crate::rigid::Rotation;
 use std::collections::HashMap;
 
 pub(super) struct Surface<'a, const D: usize>
@@ -23,7 +25,9 @@ where
     pub part: Vec<u32>,
     /// The extents of their bodies perpendicular to the plane.
     pub depth: Vec<Depth>,
-    /// At each node, and in each part that it belongs to, the unit normal halfway between those of the facets.
+    /// The deviation of each from the arc through its nodes.
+    pub bulge: Vec<Bulge<D>>,
+    /// At each node, and in each part that it belongs to, the unit normal halfway between those of the facets, or along the radius.
     normals: HashMap<(u32, u32), [f64; D]>,
 }
 
@@ -38,6 +42,7 @@ where
         facets: &'a [Facet<D>],
         depths: &Depths,
         options: &PairOptions<D>,
+        centres: &[Option<Centre<D>>],
     ) -> Result<Self, ContactError> {
         let (measure, outward): (Vec<f64>, Vec<_>) =
             facets.iter().map(|facet| mesh.facet_normal(facet)).unzip();
@@ -66,6 +71,19 @@ where
             }
             *normal = unit(*normal);
         }
+        let rest = options.rest.unwrap_or(mesh);
+        let turns = match centres.iter().any(Option::is_some) {
+            true => turns_at_nodes([rest, mesh], facets),
+            false => HashMap::new(),
+        };
+        for ((facet, centre), part) in facets.iter().zip(centres).zip(&part) {
+            let Some(centre) = centre else { continue };
+            for &node in facet_nodes(facet) {
+                let radius = centre.radius_to(rest.nodes[node as usize]);
+                let radius = unit(turns[&node].of(radius));
+                normals.insert((node, *part), radius.map(|c| centre.radius.signum() * c));
+            }
+        }
         let mut parts: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
         for (&(node, _), &normal) in normals.iter().filter(|_| options.seams.is_some()) {
             parts.entry(node).or_default().push(normal);
@@ -84,6 +102,12 @@ where
             measure,
             outward,
             slack: slack.collect(),
+            bulge: (facets.iter().enumerate())
+                .map(|(number, facet)| {
+                    let centre = centres.get(number).and_then(Option::as_ref);
+                    Bulge::of([rest, mesh], facet, centre)
+                })
+                .collect(),
             part,
             depth: (facets.iter())
                 .map(|facet| depths.of(facet_nodes(facet)))
@@ -111,6 +135,7 @@ where
                     places,
                     normal: self.outward[number],
                     slack: self.slack[number],
+                    bulge: self.bulge[number],
                     part: self.part[number],
                     deepest: distance,
                     is_first: false,
@@ -129,6 +154,87 @@ where
     pub fn normal(&self, node: u32, part: u32) -> [f64; D] {
         self.normals[&(node, part)]
     }
+}
+
+/// The deviation of a facet of a round side from the arc through its nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bulge<const D: usize> {
+    /// At rest from the axis or centre to its nodes; zero where the side is not round.
+    radii: [[f64; D]; 9],
+    /// [`Centre::radius`]; 0 where the side is not round.
+    radius: f64,
+    /// How far it has been stretched around the axis.
+    stretch: f64,
+}
+
+impl<const D: usize> Bulge<D> {
+    fn of([rest, now]: [&Mesh<D>; 2], facet: &Facet<D>, centre: Option<&Centre<D>>) -> Self
+    where
+        ElementKind: Topology<D>,
+    {
+        let mut bulge = Self {
+            radii: [[0.0; D]; 9],
+            radius: 0.0,
+            stretch: 1.0,
+        };
+        let Some(centre) = centre else {
+            return bulge;
+        };
+        bulge.radius = centre.radius;
+        let radii = &mut bulge.radii;
+        for (radius, &node) in radii.iter_mut().zip(facet_nodes(facet)) {
+            *radius = centre.radius_to(rest.nodes[node as usize]);
+        }
+        // Along that way between corners which goes most around the axis.
+        let corners = facet_corners(facet);
+        let mut around = 0.0;
+        for (k, &b) in corners.iter().enumerate() {
+            for (j, &a) in corners[..k].iter().enumerate() {
+                let [long, longer] = [rest, now]
+                    .map(|mesh| length(minus(mesh.nodes[b as usize], mesh.nodes[a as usize])));
+                let part = length(minus(radii[k], radii[j])) / long;
+                if part > around {
+                    (around, bulge.stretch) = (part, longer / long);
+                }
+            }
+        }
+        bulge
+    }
+
+    pub fn fits(&self, other: &Self) -> bool {
+        fit(self.radius, other.radius)
+    }
+
+    /// How far the arc is outside the facet at these φ of its nodes.
+    pub fn at(&self, shape: &[f64; 9]) -> f64 {
+        let each = self.radii.iter().zip(shape);
+        let radius: f64 = each.map(|(radius, phi)| phi * length(*radius)).sum();
+        self.stretch * self.radius.signum() * (radius - length(sum(shape, &self.radii)))
+    }
+}
+
+/// By how much the facets around each node have turned.
+fn turns_at_nodes<const D: usize>(
+    meshes: [&Mesh<D>; 2],
+    facets: &[Facet<D>],
+) -> HashMap<u32, Rotation<D>>
+where
+    ElementKind: Topology<D>,
+{
+    let mut arms: HashMap<u32, Vec<_>> = HashMap::new();
+    for nodes in facets.iter().map(facet_nodes) {
+        for &node in nodes {
+            let to = nodes.iter().filter(|other| **other != node);
+            arms.entry(node).or_default().extend(to.map(|&other| {
+                let [rest, now] =
+                    meshes.map(|mesh| minus(mesh.nodes[other as usize], mesh.nodes[node as usize]));
+                (1.0, rest, now)
+            }));
+        }
+    }
+    (arms.into_iter())
+        .map(|(node, arms)| (node, Rotation::nearest(arms.into_iter())))
+        .collect()
 }
 
 /// The outward unit normals of a facet at its nodes.
