@@ -75,7 +75,7 @@ def natural_map(impulses: Floats, velocities: Floats, friction: Floats) -> float
     normal, along = moved[:, 0], np.linalg.norm(moved[:, 1:], axis=1)
     # Within the cone a point is its own projection, within the polar cone the tip is; other points go to the edge.
     edge = (normal + friction * along) / (1.0 + friction**2)
-    inside = np.where(sticks, normal > 0.0, along <= friction * normal)
+    inside = np.where(sticks, normal > 0.0, (normal >= 0.0) & (along <= friction * normal))
     tip = sticks | (friction * along <= -normal)
     scale = np.divide(friction * edge, along, out=np.zeros_like(along), where=along > 0.0)
     projected = np.column_stack([edge, scale[:, None] * moved[:, 1:]])

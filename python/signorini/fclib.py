@@ -108,7 +108,8 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
     OSError
         If the file cannot be read.
     ValueError
-        If it has no local or global problem, or the problem has constraints beside its contacts.
+        If it has no local or global problem, a part of it is missing or a matrix is not one, or the problem has constraints beside its
+        contacts.
     """
     h5py = _h5py()
     with h5py.File(os.fspath(path), "r") as file:
@@ -118,9 +119,11 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
                 for constraint in ("V", "R", "G"):
                     if constraint in group:
                         raise ValueError(f"{path}: {name}/{constraint} constrains the bodies beside their contacts, which is not supported")
-                made: dict[str, Any] = {key: _matrix(group[key]) for key in matrices}
-                made |= {key: np.asarray(group["vectors"][key], dtype=np.float64).ravel() for key in vectors}
-                friction = np.asarray(group["vectors"]["mu"], dtype=np.float64).ravel()
+                made: dict[str, Any] = {key: _matrix(path, _part(path, group, key)) for key in matrices}
+                numbers = _part(path, group, "vectors")
+                made |= {key: np.asarray(_part(path, numbers, key), dtype=np.float64).ravel() for key in vectors}
+                friction = np.asarray(_part(path, numbers, "mu"), dtype=np.float64).ravel()
+                dimension = int(np.ravel(_part(path, group, "spacedim"))[0])
                 made |= {key: _text(group["info"], key) for key in _INFO} if "info" in group else {}
                 known = file["solution"] if "solution" in file else {}
                 made |= {
@@ -128,7 +131,7 @@ def read(path: str | os.PathLike[str]) -> Local | Global:
                     for key, meant in _SOLUTION.items()
                     if key in known and (key != "v" or of is Global)
                 }
-                return of(**made, friction=friction, dimension=int(np.ravel(group["spacedim"])[0]))
+                return of(**made, friction=friction, dimension=dimension)
         raise ValueError(f"{path}: it has neither fclib_local nor fclib_global, but {', '.join(file) or 'nothing'}")
 
 
@@ -187,25 +190,38 @@ def _text(group: Any, key: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _matrix(group: Any) -> Any:
+def _part(path: str | os.PathLike[str], group: Any, key: str) -> Any:
+    if key not in group:
+        raise ValueError(f"{path}: {group.name} has no {key}")
+    return group[key]
+
+
+def _matrix(path: str | os.PathLike[str], group: Any) -> Any:
     """A matrix in the format of CSparse: nz entries in triplets, compressed columns if nz is −1, compressed rows if it is
     −2."""
     import scipy.sparse
 
-    rows, cols, nz = (int(np.ravel(group[key])[0]) for key in ("m", "n", "nz"))
-    i, p, x = (np.asarray(group[key]).ravel() for key in ("i", "p", "x"))
+    rows, cols, nz = (int(np.ravel(_part(path, group, key))[0]) for key in ("m", "n", "nz"))
+    i, p, x = (np.asarray(_part(path, group, key)).ravel() for key in ("i", "p", "x"))
     shape = (rows, cols)
-    if nz >= 0:
-        made = scipy.sparse.coo_matrix((x[:nz], (i[:nz], p[:nz])), shape)
-    elif nz == -1:
-        made = scipy.sparse.csc_matrix((x[: p[cols]], i[: p[cols]], p[: cols + 1]), shape)
-    else:
-        made = scipy.sparse.csr_matrix((x[: p[rows]], i[: p[rows]], p[: rows + 1]), shape)
-    return made.tocsr()
+    try:
+        if nz >= 0:
+            return scipy.sparse.coo_matrix((x[:nz], (i[:nz], p[:nz])), shape).tocsr()
+        if nz not in (-1, -2):
+            raise ValueError(f"nz is {nz}")
+        of, lines = (scipy.sparse.csc_matrix, cols) if nz == -1 else (scipy.sparse.csr_matrix, rows)
+        made = of((x[: p[lines]], i[: p[lines]], p[: lines + 1]), shape)
+        # The constructor leaves indices unchecked, and conversions write where they point.
+        made.check_format(full_check=True)
+        return made.tocsr()
+    except (IndexError, ValueError) as error:
+        raise ValueError(f"{path}: {group.name} is no matrix of {rows} x {cols}: {error}") from error
 
 
 def _write_matrix(group: Any, matrix: Any) -> None:
-    columns = matrix.tocsc()
+    import scipy.sparse
+
+    columns = scipy.sparse.csc_matrix(matrix, copy=True)
     columns.sum_duplicates()
     numbers = {"nzmax": columns.nnz, "m": columns.shape[0], "n": columns.shape[1], "nz": -1}
     for key, value in numbers.items():

@@ -56,6 +56,7 @@ BALLS = [
     ([-1.0, 3.0], 0.5, [0.5, -0.25], "slip"),
     ([1.0, 3.0], 0.5, [0.0, 0.0], "separated"),
     ([-1.0, 3.0], 0.0, [0.5, 0.0], "contact"),
+    ([1.0, 0.0], 0.0, [0.0, 0.0], "separated"),
     ([-1.0, 0.12, -0.16], 0.5, [0.5, -0.06, 0.08], "stick"),
     ([-2.0, 3.0, 4.0], 0.5, [1.0, -0.3, -0.4], "slip"),
 ]
@@ -223,6 +224,19 @@ def test_other_forms_of_fclib(tmp_path: Path) -> None:
             file["fclib_local/V/m"] = [2]
         with pytest.raises(ValueError, match="fclib_local/V constrains the bodies"):
             fclib.read(path)
+        with h5py.File(path, "a") as file:
+            del file["fclib_local/V"]
+            file["fclib_local/W/i"][0] = 10**8
+        with pytest.raises(ValueError, match=f"{name}.hdf5: /fclib_local/W is no matrix of 2 x 2"):
+            fclib.read(path)
+        with h5py.File(path, "a") as file:
+            del file["fclib_local/vectors/mu"]
+            file["fclib_local/W/i"][0] = 0
+        with pytest.raises(ValueError, match=f"{name}.hdf5: /fclib_local/vectors has no mu"):
+            fclib.read(path)
+    dense = fclib.Local(W.toarray(), np.array([-1.0, 0.0]), np.array([0.5]), 2)
+    fclib.write(tmp_path / "dense.hdf5", dense)
+    np.testing.assert_array_equal(fclib.read(tmp_path / "dense.hdf5").W.toarray(), W.toarray())
     with h5py.File(tmp_path / "other.hdf5", "w") as file:
         file["something"] = [1]
     with pytest.raises(ValueError, match="neither fclib_local nor fclib_global, but something"):

@@ -14,7 +14,7 @@ use crate::mesh::abaqus::index::{Card, Deck, Name, Wrong};
 use crate::mesh::abaqus::keyword::{Keyword, entries, key, parsed, plain, same};
 use crate::mesh::vector::minus;
 
-use keywords::{OF_MODEL, OF_PARTS, OPTIONS, PASSED_OVER, REASONS};
+use keywords::{BEFORE_STEPS, OF_MODEL, OF_PARTS, OPTIONS, PASSED_OVER, REASONS};
 
 type Result<T> = std::result::Result<T, Wrong>;
 
@@ -150,6 +150,10 @@ impl<'a> Said<'a> {
         let table = OPTIONS.iter().find(|known| known.0 == k.name);
         if let Some(known) = k.of_mesh().or(table.map(|known| known.1)) {
             self.only(k, known);
+        }
+        if !self.steps.is_empty() && BEFORE_STEPS.contains(&k.name.as_str()) {
+            let text = format!("*{} in a step: it belongs before the first *STEP", k.name);
+            return Err((k.line, text));
         }
         let first = card.data.first().copied();
         let needed = || first.ok_or_else(|| (k.line, format!("*{} needs a data line", k.name)));

@@ -115,8 +115,32 @@ impl Track {
             .iter()
             .rfind(|setting| setting.by.step <= step);
         last.is_some_and(|last| {
-            last.by.step < step && !matches!(last.to, To::Nothing | To::Value(0.0))
+            let together = |one: &&Setting| match last.adds {
+                true => one.by.step == last.by.step,
+                false => std::ptr::eq(*one, last),
+            };
+            let is_something = |one: &Setting| one.to != To::Value(0.0);
+            let mut all = self.settings.iter().filter(together);
+            last.by.step < step && last.to != To::Nothing && all.any(is_something)
         })
+    }
+
+    /// The line of the deck that takes it in a straight way, in a step with corners, from where it is: which the deck does not say if the
+    /// step before has left it free, or has fixed it.
+    pub fn starts_anywhere(&self, times: &Times) -> Option<usize> {
+        let starts = |(number, last): (usize, &Setting)| {
+            let step = last.by.step;
+            let next = self.settings.get(number + 1);
+            let counts = next.is_none_or(|next| next.by.step > step);
+            let is_straight = matches!(last.to, To::Value(_)) && last.by.amplitude.is_none();
+            let corners = times.ends.iter().filter(|end| end.0 == step).count() > 1;
+            let mut before = self.settings[..number].iter();
+            let before = before.rfind(|before| before.by.step < step);
+            let is_free = before.is_none_or(|before| !matches!(before.to, To::Value(_)));
+            let starts = step > 0 && counts && is_straight && corners && is_free;
+            (starts && !times.said.steps[step].at_once).then_some(last.by.line)
+        };
+        self.settings.iter().enumerate().find_map(starts)
     }
 
     /// The change since the beginning of a step that does not state it, of amplitudes in total time.

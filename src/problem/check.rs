@@ -160,7 +160,7 @@ pub enum ProblemError {
     ZeroRow { row: usize, gap: f64 },
     /// A tie has nothing to hold to.
     #[error(
-        "entry {row} of the gap d is infinite, which means that contact node {row} has no obstacle, but the node is tied: give it a          finite gap (0 where the sides meet), or do not tie it"
+        "entry {row} of the gap d is infinite, which means that contact node {row} has no obstacle, but the node is tied: give it a finite gap (0 where the sides meet), or do not tie it"
     )]
     TiedToNothing { row: usize },
     /// Two multipliers have the same effect.

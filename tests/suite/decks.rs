@@ -216,6 +216,28 @@ fn prescribed_displacements_follow_the_steps() {
     assert!(text.contains("active = [0.0, 1.0]"), "{text}");
 }
 
+/// A support that a step adds begins where its nodes are: corners on the way from there are not in the deck.
+#[test]
+fn a_support_begins_where_its_nodes_are() {
+    let text = |amplitude: &str| {
+        strip(&format!(
+            "*AMPLITUDE, NAME=saw\n0.,0.,0.5,1.,1.,0.5\n*STEP\n*STATIC\n*CLOAD\nNright,1,5.\n*END STEP\n\
+             *STEP\n*STATIC\n*BOUNDARY{amplitude}\nNright,1,1,0.06\n*CLOAD, AMPLITUDE=saw\nNright,2,2.\n*END STEP\n"
+        ))
+    };
+    let error = read(&text(""), &[], &[]).expect_err("corners");
+    assert!(error.contains("it begins where its nodes are"), "{error}");
+    read(&text(", AMPLITUDE=saw"), &[], &[]).or_panic();
+}
+
+/// What holds from the beginning is not stated in a step.
+#[test]
+fn definitions_belong_before_steps() {
+    let text = strip("*STEP\n*STATIC\n*EQUATION\n2\n5,1,1.,15,1,-1.\n*END STEP\n");
+    let error = read(&text, &[], &[]).expect_err("in a step");
+    assert!(error.contains("*EQUATION in a step"), "{error}");
+}
+
 /// Supports that a step clears and states again are those of before; others end, begin, or hold nodes where they are.
 #[test]
 fn supports_may_be_stated_again() {

@@ -174,6 +174,14 @@ impl<const D: usize> Translation<'_, '_, D> {
                 Kind::Boundary => track.switches(&self.times),
                 _ => Switches::default(),
             };
+            if let (Kind::Boundary, Some(line)) = (kind, track.starts_anywhere(&self.times)) {
+                if reported.insert(line) {
+                    let text = "*BOUNDARY: it begins where its nodes are, and an amplitude of the same step has corners on the way from there: \
+                                give it an AMPLITUDE of its own, or a step of its own";
+                    self.refuse(line, "BOUNDARY", text);
+                }
+                continue;
+            }
             let values = track.values(&self.times, 0.0);
             if kind == Kind::Force && values.iter().all(|&v| v == 0.0) {
                 continue;
