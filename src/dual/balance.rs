@@ -10,7 +10,7 @@ use crate::constraint::{NodeSets, Projected, at, put, row_of};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::problem::FloatingBodies;
 use crate::rounding::{DEPENDENT, INDEPENDENT, ROUNDING};
-use crate::sparse::{Csr, add_times, dot, norm_max};
+use crate::sparse::{Csr, add_times, dot, norm, norm_max};
 use faer::Mat;
 use std::array::from_fn;
 use std::rc::Rc;
@@ -296,6 +296,7 @@ impl Balance {
             }
             before = size;
         }
+        self.refine(&mut now, &project);
         let Trial {
             eta, mut lambda, ..
         } = now;
@@ -357,6 +358,39 @@ impl Balance {
             }
         }
         now
+    }
+
+    /// Balances the bodies to rounding with the sets as they are. Where only a soft spring stops a body that slides, z is so far beyond
+    /// the edges of cones that its projections are only known to its own rounding; small changes of λ are known better.
+    fn refine<const D: usize>(
+        &self,
+        now: &mut Trial<D>,
+        project: impl Fn(usize, [f64; D]) -> Projected<D>,
+    ) {
+        /// Steps: each leaves the rounding of z as a part of the imbalance before.
+        const STEPS: usize = 3;
+        for _ in 0..STEPS {
+            let left = self.excess(&now.lambda);
+            let scales = self.scales(&now.lambda);
+            if (left.iter().zip(&scales)).all(|(v, scale)| v.abs() <= scale.rounding()) {
+                break;
+            }
+            let along = self.spread(&self.newton_direction(&now.derivatives, &left, 0.0));
+            let mut lambda = now.lambda.clone();
+            let stays = now.derivatives.iter().enumerate().all(|(i, derivative)| {
+                let (before, along): ([f64; D], [f64; D]) = (at(&now.lambda, i), at(&along, i));
+                let change = derivative.map(|row| (0..D).map(|a| row[a] * along[a]).sum::<f64>());
+                let new = from_fn(|a| before[a] + change[a]);
+                let (nearest, _) = project(i, new);
+                put(&mut lambda, i, nearest);
+                let size = norm_max(&new) + norm_max(&before);
+                (0..D).all(|a| (nearest[a] - new[a]).abs() <= ROUNDING * size)
+            });
+            if !stays || !(norm_max(&self.excess(&lambda)) < norm_max(&left)) {
+                break;
+            }
+            now.lambda = lambda;
+        }
     }
 
     /// The way from `start` to here again, twice, four times as far, as long as φ falls.
@@ -429,6 +463,9 @@ impl Balance {
             } else {
                 0.0
             };
+            if resists + curvature == 0.0 {
+                continue;
+            }
             let along: f64 = (0..k).map(|j| vectors[(j, c)] * slope[j]).sum();
             for (j, d) in direction.iter_mut().enumerate() {
                 *d -= vectors[(j, c)] * along / (resists + curvature);
@@ -504,6 +541,11 @@ impl Balance {
 
     /// (G F Fᵀ Gᵀ)⁺.
     fn inverse_gram<const D: usize>(&self, moving: &[Vec<[f64; D]>]) -> Mat<f64> {
+        pseudo_inverse(&self.gram(moving), DEPENDENT)
+    }
+
+    /// G F Fᵀ Gᵀ.
+    fn gram<const D: usize>(&self, moving: &[Vec<[f64; D]>]) -> Mat<f64> {
         let (k, m) = (self.count(), moving.len());
         let mut gram = Mat::<f64>::zeros(k, k);
         for normal in [true, false] {
@@ -523,7 +565,7 @@ impl Balance {
                 }
             }
         }
-        pseudo_inverse(&gram, DEPENDENT)
+        gram
     }
 }
 
@@ -557,6 +599,34 @@ pub(crate) struct FaceBalance<const D: usize> {
 }
 
 impl<const D: usize> FaceBalance<D> {
+    /// The coefficients of a motion without its part along motions that none of the multipliers resists.
+    pub fn resisted(&self, motion: &[f64]) -> Vec<f64> {
+        let mut resisted = motion.to_vec();
+        let Some((values, vectors)) = symmetric_eigen(&self.balance.gram(&self.moving)) else {
+            return resisted;
+        };
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let mut free: Vec<Vec<f64>> = Vec::new();
+        for (c, _) in (values.iter().enumerate()).filter(|at| !(*at.1 > DEPENDENT * largest)) {
+            let eta: Vec<f64> = (0..values.len()).map(|j| vectors[(j, c)]).collect();
+            let mut way = self.balance.coefficients(&eta);
+            let size = norm(&way);
+            for _ in 0..2 {
+                for other in &free {
+                    add_times(-dot(other, &way), other, &mut way);
+                }
+            }
+            let left = norm(&way);
+            // Motions without any entry have no coefficient.
+            if left > INDEPENDENT * size {
+                way.iter_mut().for_each(|v| *v /= left);
+                add_times(-dot(&way, &resisted), &way, &mut resisted);
+                free.push(way);
+            }
+        }
+        resisted
+    }
+
     /// Adds the shortest F y that changes Gλ by `change`.
     fn shift(&self, change: &[f64], lambda: &mut [f64]) {
         let forces = self.balance.spread(&times(&self.inverse, change));

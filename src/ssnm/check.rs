@@ -198,7 +198,12 @@ impl<const D: usize> Newton<'_, D> {
     /// The certificate of a point with this u, up to the motions of floating bodies.
     fn certify(&mut self, point: &Point, mut u: Vec<f64>) -> Result<Certificate, DualError> {
         let whole = self.dual.whole;
-        (whole.floating_bodies()).add_motion(&point.motion, &mut u);
+        // What nothing resists stays where it is.
+        let motion = match &self.dual.balanced {
+            Some(balanced) => balanced.resisted(&point.motion),
+            None => point.motion.clone(),
+        };
+        (whole.floating_bodies()).add_motion(&motion, &mut u);
         let lambda = self.unscaled(point).0;
         let kkt = conditions(whole, self.products.dual.operator, &u, &lambda)?;
         Ok(Certificate { u, kkt })

@@ -656,3 +656,30 @@ fn a_free_plate_under_loads_that_come_and_go() {
         assert_eq!(steps, 5);
     }
 }
+
+/// A block that one support holds along x, on a floor without friction: nothing determines where it is along y, and it stays.
+#[test]
+fn what_nothing_holds_stays() {
+    for shape in [SolidShape::Hexahedron, SolidShape::Tetrahedron] {
+        let mesh = structured::block([0.0; 3], [2.0, 1.0, 1.0], [5, 4, 2], shape, "block", "");
+        let model = Model::on(mesh)
+            .material(Material::new(1e9, 0.3))
+            .support(Support::on("left").x(0.0))
+            .traction(Traction::on("top").z(-1e6))
+            .traction(Traction::on("right").z(-3e5))
+            .contact(Pair::obstacle(
+                "bottom",
+                Obstacle::HalfSpace {
+                    point: [0.0; 3],
+                    normal: [0.0, 0.0, 1.0],
+                },
+            ));
+        for stiffness in [Stiffness::Cholesky, Stiffness::Pcg] {
+            let found = answer(model.clone(), 1e-9, stiffness);
+            let (u, count) = (&found.solution.u, found.solution.u.len() as f64 / 3.0);
+            let most = u.iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+            let mean = u.iter().skip(1).step_by(3).sum::<f64>() / count;
+            assert!(mean.abs() < 1e-7 * most, "{shape:?}: {mean:e} of {most:e}");
+        }
+    }
+}

@@ -173,3 +173,30 @@ fn faces_of_space_are_kept_in_balance() {
         assert!((moved.iter().zip(&again)).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 }
+
+/// A block that slides on a floor until a spring holds it, whose multiplier counts by this factor: that of a soft one is small.
+#[test]
+fn a_soft_spring_holds() {
+    for exponent in 6..=16 {
+        let spring = 0.5_f64.powi(exponent);
+        let x = [-0.5, 0.0, 0.5];
+        let mut entries = vec![(3, 0, spring), (3, 2, -0.5 * spring)];
+        for (i, x) in x.into_iter().enumerate() {
+            entries.extend([(i, 1, 1.0), (i, 2, x), (4 + i, 0, 1.0), (4 + i, 2, 0.5)]);
+        }
+        let g = Csr::from_triplets(8, 3, entries);
+        let acting = vec![1.0, 1.0, 1.0];
+        let mut balance = Balance::from_parts(&g, &[-1.0, 1.0, 0.5], acting, vec![0; 3]);
+        let least = balance.least(|i, z| match i {
+            3 => SlipBound::Tied.nearest(z),
+            _ => cone(0.4, z),
+        });
+        assert!(
+            least.balanced,
+            "{spring}: {:?} {:?}",
+            least.imbalance, least.lambda
+        );
+        let force = least.lambda[3] * spring;
+        assert!((force + 0.6).abs() < 1e-9, "{spring}: {force}");
+    }
+}
