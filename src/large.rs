@@ -13,7 +13,7 @@ use crate::contact::Space;
 use crate::dual::DualError;
 use crate::engine::{Engine, EngineError};
 use crate::mesh::ElementKind;
-use crate::mesh::vector::{dot, minus};
+use crate::mesh::vector::{dot, length, minus};
 use crate::model::{
     Built, Configuration, Deformation, Elastic, Help, Moment, StepData, turned_with,
 };
@@ -48,6 +48,9 @@ const INNER: f64 = 0.01;
 const STUCK: f64 = 0.5;
 /// The stiffness of closed contact and of joints, over the mean diagonal of K, where only motions along them count.
 const HELD: f64 = 1e3;
+/// Springs let bodies slide by a facet under this part of the contact forces. A pin without friction that may turn in its hole, and a
+/// hub on its shaft, in the plane and in space, take 4 to 5 iterations; with a hundredth of it 4 to 14, and one does not end.
+const SPRINGS: f64 = 0.1;
 /// Remedies for an indefinite tangent, in order: without the turning of pressures and contact forces; with obstacles
 /// that press as stiff as the bodies, and a hundred times stiffer; without stresses that soften the bodies.
 const HELP: [Help; 5] = {
@@ -107,6 +110,9 @@ where
     limit: Option<Duration>,
     rounds: Vec<Round>,
     known: Known<D>,
+    /// Whether bodies may be on [`Self::springs`], and whether some have been.
+    has_springs: bool,
+    had_springs: bool,
 }
 
 /// What is known of A from the configurations before.
@@ -227,15 +233,28 @@ where
     ) -> Result<StepSolution<D>, Error> {
         self.engine.follow(&at.problem)?;
         let settings = self.to(tolerance);
-        let solved = quasistatic::solve_step(
-            &at.problem,
-            &at.load,
-            &at.state,
-            &mut *self.engine,
-            &settings,
-            &mut self.known.recycled,
-            watch,
-        );
+        let springs = self.springs(at).filter(|_| self.has_springs);
+        self.had_springs |= springs.is_some();
+        let solved = match springs {
+            Some(stiffness) => quasistatic::solve_step_on_springs(
+                &at.problem,
+                &at.load,
+                &at.state,
+                &mut *self.engine,
+                &settings,
+                stiffness,
+                watch,
+            ),
+            None => quasistatic::solve_step(
+                &at.problem,
+                &at.load,
+                &at.state,
+                &mut *self.engine,
+                &settings,
+                &mut self.known.recycled,
+                watch,
+            ),
+        };
         let solution = solved.map_err(Box::new)?;
         if solution.status != Status::Converged {
             self.known.recycled = RecycledSubspace::default();
@@ -247,6 +266,23 @@ where
             });
         }
         Ok(solution)
+    }
+
+    /// The stiffness of springs on the motions of bodies that contact without friction holds; None where all are held otherwise or
+    /// nothing presses.
+    ///
+    /// Contact resists the turn of a round body by hardly more than the errors of its facets do. Newton's method would take it far
+    /// around.
+    fn springs(&self, at: &Configuration<D>) -> Option<f64> {
+        let (bodies, tied) = (at.problem.floating_bodies().bodies(), at.contact.tied());
+        let least = bodies.iter().map(|body| body.nodes().len()).min()?;
+        let has_friction = (0..tied.len()).any(|row| !tied[row] && at.problem.has_friction(row));
+        let force: f64 = at.touches.iter().map(|touch| length(touch.force)).sum();
+        let facet = self
+            .elastic
+            .facet_length()
+            .filter(|_| !has_friction && force > 0.0)?;
+        Some(SPRINGS * force / (facet * least as f64))
     }
 
     /// The same with the first remedy that makes its tangent definite; None if all of them fail.
@@ -290,8 +326,26 @@ where
         }
     }
 
-    /// From a state in balance towards another moment.
+    /// From a state in balance towards another moment; where that fails on springs, without them.
     fn step(
+        &mut self,
+        before: &Deformation<D>,
+        moments: [&Moment<D>; 2],
+        watch: &mut dyn FnMut(quasistatic::Event) -> ControlFlow<()>,
+    ) -> Result<Result<Reached<D>, Ended>, Error> {
+        let known = self.known.clone();
+        (self.has_springs, self.had_springs) = (true, false);
+        match self.one_step(before, moments, watch)? {
+            Err(Ended::Lost(_)) if self.had_springs => {
+                (self.has_springs, self.known) = (false, known);
+                self.one_step(before, moments, watch)
+            }
+            ended => Ok(ended),
+        }
+    }
+
+    /// The same, with springs or without.
+    fn one_step(
         &mut self,
         before: &Deformation<D>,
         moments: [&Moment<D>; 2],
@@ -402,7 +456,9 @@ where
             if first || part < 1.0 || !goes_on {
                 anderson.clear();
             }
-            if self.elastic.redirects_forces() && !first && part == 1.0 {
+            // Acceleration would take bodies on springs far all the same.
+            let is_on_springs = self.has_springs && self.had_springs;
+            if self.elastic.redirects_forces() && !first && part == 1.0 && !is_on_springs {
                 match self.accelerated(&mut anderson, &now, &at, &to) {
                     Some((volume, better)) if volume >= PRESSED * least.min(1.0) => {
                         (least, to) = (volume, better);
@@ -573,6 +629,8 @@ where
         limit: settings.ssnm.time_limit,
         rounds: Vec::new(),
         known: Known::new(),
+        has_springs: true,
+        had_springs: false,
     };
     let mut before = elastic.undeformed();
     let mut from = elastic.moment(0.0)?;

@@ -262,16 +262,45 @@ pub fn solve_step<const D: usize, K>(
     mut observer: impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
     let whole = problem.elsewhere();
-    make_step(whole, load, start, dual, settings, recycled, &mut observer)
+    make_step(
+        whole,
+        load,
+        start,
+        dual,
+        settings,
+        None,
+        recycled,
+        &mut observer,
+    )
+}
+
+/// The same with springs of this stiffness between the bodies that only contact holds and where they are, on each of their motions:
+/// they keep the bodies from going far at once. The solution is that of bodies on springs.
+pub(crate) fn solve_step_on_springs<const D: usize, K>(
+    problem: &ContactProblem<D, K>,
+    load: &Load,
+    start: &State,
+    dual: &mut dyn DualOperator,
+    settings: &StepSettings,
+    stiffness: f64,
+    observer: &mut dyn FnMut(Event) -> ControlFlow<()>,
+) -> Result<StepSolution<D>, StepError> {
+    let (whole, stiffness) = (problem.elsewhere(), Some(stiffness));
+    let none = &mut RecycledSubspace::default();
+    make_step(
+        whole, load, start, dual, settings, stiffness, none, observer,
+    )
 }
 
 /// The same, compiled once for all K and observers.
+#[allow(clippy::too_many_arguments)]
 fn make_step<const D: usize>(
     whole: ContactProblem<D, Elsewhere>,
     load: &Load,
     start: &State,
     dual: &mut dyn DualOperator,
     settings: &StepSettings,
+    springs: Option<f64>,
     recycled: &mut RecycledSubspace,
     observer: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<StepSolution<D>, StepError> {
@@ -279,7 +308,11 @@ fn make_step<const D: usize>(
     load.check_for(&whole)?;
     start.check_for(&whole)?;
     let mut step = Process::new(whole, load, start, dual, settings, recycled, observer);
-    match step.make(start) {
+    let made = match springs {
+        Some(_) => step.solve(springs, &start.lambda, settings.ssnm.clone()),
+        None => step.make(start),
+    };
+    match made {
         Ok(solution) => Ok(step.end(solution)),
         Err(error) => Err(StepError {
             error: Box::new(error),

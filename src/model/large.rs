@@ -393,6 +393,15 @@ where
         Ok(())
     }
 
+    /// The mean length of facets where bodies meet; of several contacts the least.
+    pub(crate) fn facet_length(&self) -> Option<f64> {
+        self.sliding
+            .stated
+            .values()
+            .map(|stated| stated.facet)
+            .reduce(f64::min)
+    }
+
     /// The forces in the volume that depend on where the bodies are, and the symmetric part of their tangent.
     fn moved_volumes(
         &self,
