@@ -20,7 +20,7 @@ pub use crate::constraint::SlipBound;
 pub(crate) use crossing::{crosses_itself, enclosed};
 pub use equal::equal_nodes;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
-pub(crate) use mortar::{are_excluded, smooth_parts_of};
+pub(crate) use mortar::{are_excluded, is_straight, nodes_around, smooth_parts_of};
 pub use nodes::{Met, node_contact};
 pub(crate) use nodes::{areas, shares};
 pub use obstacle::{Obstacle, obstacle_contact};
@@ -75,7 +75,7 @@ pub type Seams<const D: usize> = HashMap<u32, Vec<(u32, f64, [[f64; D]; D])>>;
 
 /// Radii of round sides that fit differ by no more than this part of the larger one: at a point of contact at the angle θ off the
 /// line of both centres, the directions of both radii differ by θ times that.
-const FITTING: f64 = 0.1;
+pub(crate) const FITTING: f64 = 0.1;
 
 /// Whether round sides of these radii fit into each other. Radii of sides that face their axis are below 0.
 pub(crate) fn fit(one: f64, other: f64) -> bool {

@@ -134,6 +134,21 @@ impl<const D: usize> Rotation<D> {
         Self { half }.shorter()
     }
 
+    /// The one that brings points nearest to others, about the mean of both.
+    pub fn between(from: &[[f64; D]], to: &[[f64; D]]) -> Self {
+        let arms = |points: &[[f64; D]]| {
+            let count = points.len() as f64;
+            let mean: [f64; D] =
+                std::array::from_fn(|c| points.iter().map(|x| x[c]).sum::<f64>() / count);
+            let arms = points
+                .iter()
+                .map(|x| std::array::from_fn(|c| x[c] - mean[c]));
+            arms.collect::<Vec<[f64; D]>>()
+        };
+        let both = arms(from).into_iter().zip(arms(to));
+        Self::nearest(both.map(|(from, to)| (1.0, from, to)))
+    }
+
     /// The one about an axis of space, a unit vector, that brings arms nearest to others.
     pub fn nearest_about(
         axis: [f64; D],

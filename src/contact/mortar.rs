@@ -71,8 +71,8 @@ use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
-pub(crate) use surface::smooth_parts_of;
 use surface::{Bulge, Surface};
+pub(crate) use surface::{is_straight, nodes_around, smooth_parts_of};
 
 pub use super::search::Beam;
 
@@ -842,7 +842,10 @@ where
     for mut cover in covers {
         // All facets of a smooth part are round about one axis.
         let mut others = cover.points.iter().map(|point| &near[point.other]);
-        let is_round = (others.next()).is_some_and(|other| slave.bulge.fits(&other.bulge));
+        let is_round = (others.next()).is_some_and(|other| {
+            let faces = (slave.bulge).faces(slave.normal, &other.bulge, other.normal);
+            slave.bulge.fits(&other.bulge) && faces
+        });
         for point in cover.points.iter_mut().filter(|_| is_round) {
             let other = &near[point.other];
             point.distance -= slave.bulge.at(&point.slave) + other.bulge.at(&point.master);

@@ -1,9 +1,9 @@
 //! Sides of a contact that are drawn as arcs about one axis (or as parts of balls about one point). Between their facets the gap
 //! varies by the deviation of the facets from the arcs, which is an artefact of the mesh.
 
-use crate::contact::{Centre, fit, smooth_parts_of};
+use crate::contact::{Centre, Space, fit, frame, is_straight, smooth_parts_of};
 use crate::dense::{least_squares, symmetric_eigen};
-use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes};
 use faer::Mat;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -15,8 +15,8 @@ pub(super) const EVEN: f64 = 0.1;
 const ACROSS: f64 = 1e-6;
 /// Nodes are this near to an arc, as a part of how much the gap scatters.
 const ON_ARC: f64 = 0.05;
-/// Two sides that look in fewer directions than this may be a groove or a chamfer with an element for each flank: their few
-/// corners are on an arc, too.
+/// Of two sides at least one looks in so many directions. Else they may be a groove or a chamfer with an element for each flank: their
+/// few corners are on an arc, too.
 const ROUND: usize = 5;
 /// Normals whose cosine is this near to 1 are one direction (0.08°).
 const ALIKE: f64 = 1e-6;
@@ -39,7 +39,7 @@ where
     }
     let nodes = sides.map(|facets| nodes_of(mesh, facets, facet_corners));
     let across = directions_across(mesh, &sides)?;
-    let Arcs { radii, .. } = concentric(&nodes, across, |_| ON_ARC * scatter)?;
+    let Arcs { radii, .. } = concentric(&nodes, across, |_, _| ON_ARC * scatter)?;
     let gap = (radii[1] - radii[0]).abs();
     (scatter > EVEN * gap).then_some(gap)
 }
@@ -70,12 +70,13 @@ pub(super) fn gap_of_arcs<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
+    let is_flat = |facet| is_straight(mesh, facet);
     if !sides.iter().any(|facets| facets.iter().any(is_flat)) {
         return None;
     }
     // The gap has to be as well known as the arcs.
     let near = |off: f64, radii: &[f64]| ON_ARC * off.min((radii[1] - radii[0]).abs());
-    let Arcs { radii, centre } = smooth_arcs(mesh, &sides, facet_corners, steepest, near)?;
+    let Arcs { radii, centre } = smooth_arcs(mesh, &sides, steepest, near)?;
     Some((radii[1] - radii[0]) * faces_away(mesh, sides[0], &centre))
 }
 
@@ -103,17 +104,15 @@ pub(super) fn centres_of_arcs<const D: usize>(
     steepest: f64,
 ) -> [Vec<Option<Centre<D>>>; 2]
 where
-    ElementKind: Topology<D>,
+    ElementKind: Space<D>,
 {
     let rounds = sides.map(|facets| Round::all(mesh, facets, steepest));
     let mut centres = sides.map(|facets| vec![None; facets.len()]);
     let mut any = false;
     for one in &rounds[0] {
         for other in &rounds[1] {
-            let opposite = other.ways.iter().map(|way| way.map(|c| -c));
-            let mut ways = one.ways.clone();
-            opposite.for_each(|way| add_way(&mut ways, way));
-            if !fit(one.centre.radius, other.centre.radius) || ways.len() < ROUND {
+            let fit = fit(one.centre.radius, other.centre.radius);
+            if !fit || one.ways.max(other.ways) < ROUND {
                 continue;
             }
             any = true;
@@ -134,53 +133,88 @@ where
 struct Round<const D: usize> {
     facets: Vec<usize>,
     centre: Centre<D>,
-    /// Directions that its facets look in; not more than [`ROUND`].
-    ways: Vec<[f64; D]>,
-}
-
-fn add_way<const D: usize>(ways: &mut Vec<[f64; D]>, way: [f64; D]) {
-    if ways.len() < ROUND && ways.iter().all(|other| dot(*other, way) < 1.0 - ALIKE) {
-        ways.push(way);
-    }
+    /// The number of directions that its facets look in; not more than [`ROUND`].
+    ways: usize,
 }
 
 impl<const D: usize> Round<D> {
     /// Those of a side. None of one that turns back on itself.
     fn all(mesh: &Mesh<D>, side: &[Facet<D>], steepest: f64) -> Vec<Self>
     where
-        ElementKind: Topology<D>,
+        ElementKind: Space<D>,
     {
         let mut parts: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         let of_facets = smooth_parts_of(mesh, side, steepest).unwrap_or_default();
         for (k, part) in of_facets.into_iter().enumerate() {
             parts.entry(part).or_default().push(k);
         }
-        let round = |facets: Vec<usize>| {
-            let part: Vec<Facet<D>> = facets.iter().map(|&k| side[k]).collect();
-            let near = |off: f64, _: &[f64]| ON_ARC * off;
-            let Arcs { radii, mut centre } =
-                smooth_arcs(mesh, &[&part], facet_nodes, steepest, near)?;
-            centre.radius = radii[0] * faces_away(mesh, &part, &centre);
-            let mut ways = Vec::new();
-            for facet in &part {
-                add_way(&mut ways, mesh.facet_normal(facet).1);
-            }
-            Some(Self {
-                facets,
-                centre,
-                ways,
-            })
-        };
+        let round = |facets: Vec<usize>| Self::of(mesh, side, facets);
         parts.into_values().filter_map(round).collect()
+    }
+
+    /// Of a smooth part, if it is an arc.
+    fn of(mesh: &Mesh<D>, side: &[Facet<D>], facets: Vec<usize>) -> Option<Self>
+    where
+        ElementKind: Space<D>,
+    {
+        let part: Vec<Facet<D>> = facets.iter().map(|&k| side[k]).collect();
+        // Nodes in the middle between corners say nothing about the surface.
+        let of_facet = match part.iter().all(|facet| is_straight(mesh, facet)) {
+            true => facet_corners,
+            false => facet_nodes,
+        };
+        // Each node is as near to the arc as its own facets tell, however much coarser others are.
+        let all = part.iter().flat_map(of_facet);
+        let mut off: BTreeMap<u32, f64> = all.map(|&node| (node, 0.0)).collect();
+        for turn in turns(mesh, &part) {
+            let both = turn.facets.into_iter().flat_map(|k| of_facet(&part[k]));
+            for node in both {
+                let off = off.entry(*node).or_default();
+                *off = off.max(turn.sagitta());
+            }
+        }
+        let points: Vec<[f64; D]> = off.keys().map(|&node| mesh.nodes[node as usize]).collect();
+        let off: Vec<f64> = off.into_values().collect();
+        let sides = [points];
+        let size = extent(&sides[0]);
+        let on = |across| {
+            let near =
+                |radii: &[f64], k: usize| (ON_ARC * off[k]).max(WRITTEN * radii[0].min(size));
+            concentric(&sides, across, near)
+        };
+        let across = directions_across(mesh, &[&part])?;
+        let is_ball = across.len() == D;
+        let arcs = on(across);
+        // Triangles whose corners are on a cylinder lean along its axis.
+        let arcs = arcs.or_else(|| on(across_axis(mesh, &part, &sides[0])?).filter(|_| is_ball));
+        let Arcs { radii, mut centre } = arcs?;
+        centre.radius = radii[0] * faces_away(mesh, &part, &centre);
+        let mut ways: Vec<[f64; D]> = Vec::new();
+        for facet in &part {
+            let way = mesh.facet_normal(facet).1;
+            if ways.len() < ROUND && ways.iter().all(|other| dot(*other, way) < 1.0 - ALIKE) {
+                ways.push(way);
+            }
+        }
+        Some(Self {
+            facets,
+            centre,
+            ways: ways.len(),
+        })
     }
 }
 
-/// The arcs about one axis that these nodes of sides are on, if no edge is as sharp as `steepest`, in degrees. The nodes may be
-/// off them by `near` of the deviation of flat facets and the radii.
+/// The largest distance of points from the first of them.
+fn extent<const D: usize>(points: &[[f64; D]]) -> f64 {
+    let all = points.iter().map(|x| length(minus(*x, points[0])));
+    all.fold(0.0, f64::max)
+}
+
+/// The arcs about one axis that the corners of sides are on, if no edge is as sharp as `steepest`, in degrees. They may be off the arcs by
+/// `near` of the deviation of flat facets and the radii.
 fn smooth_arcs<const D: usize>(
     mesh: &Mesh<D>,
     sides: &[&[Facet<D>]],
-    of_facet: impl Fn(&Facet<D>) -> &[u32],
     steepest: f64,
     near: impl Fn(f64, &[f64]) -> f64,
 ) -> Option<Arcs<D>>
@@ -200,15 +234,15 @@ where
     }
     let off = turns.iter().map(Turn::sagitta).fold(0.0, f64::max);
     let nodes: Vec<_> = (sides.iter())
-        .map(|facets| nodes_of(mesh, facets, &of_facet))
+        .map(|facets| nodes_of(mesh, facets, facet_corners))
         .collect();
-    concentric(&nodes, across, |radii| {
-        near(off, radii).max(WRITTEN * radii[0])
+    let size = nodes
+        .iter()
+        .map(|points| extent(points))
+        .fold(0.0, f64::max);
+    concentric(&nodes, across, |radii, _| {
+        near(off, radii).max(WRITTEN * radii[0].min(size))
     })
-}
-
-fn is_flat<F: AsRef<[u32]>>(facet: &F) -> bool {
-    facet_nodes(facet).len() == facet_corners(facet).len()
 }
 
 /// The deviation of facets of first order from the smooth surface that they appear to approximate. Edges sharper than `steepest`,
@@ -226,6 +260,7 @@ where
 
 /// A facet beside a ridge.
 struct Side<const D: usize> {
+    number: usize,
     middle: [f64; D],
     normal: [f64; D],
     is_flat: bool,
@@ -233,11 +268,12 @@ struct Side<const D: usize> {
 
 /// Between neighbouring facets.
 struct Turn {
+    facets: [usize; 2],
     /// The distance of their middles.
     length: f64,
     /// The angle between their mean normals.
     angle: f64,
-    /// Whether both are of first order.
+    /// Whether both are flat.
     is_flat: bool,
 }
 
@@ -257,7 +293,7 @@ where
 {
     // By the ridges that facets share: a node in the plane, two in space.
     let mut at: HashMap<[u32; 2], Vec<Side<D>>> = HashMap::new();
-    for facet in facets {
+    for (number, facet) in facets.iter().enumerate() {
         let corners = facet_corners(facet);
         let count = corners.len() as f64;
         let all = corners.iter().map(|&node| mesh.nodes[node as usize]);
@@ -272,14 +308,16 @@ where
             };
             let here = at.entry([a.min(b), a.max(b)]).or_default();
             here.push(Side {
+                number,
                 middle,
                 normal,
-                is_flat: is_flat(facet),
+                is_flat: is_straight(mesh, facet),
             });
         }
     }
     let pairs = at.values().filter_map(|here| match here.as_slice() {
         [one, other] => Some(Turn {
+            facets: [one.number, other.number],
             length: length(minus(one.middle, other.middle)),
             angle: dot(one.normal, other.normal).clamp(-1.0, 1.0).acos(),
             is_flat: one.is_flat && other.is_flat,
@@ -295,8 +333,8 @@ struct Arcs<const D: usize> {
     centre: Centre<D>,
 }
 
-/// The directions of the plane of an arc: all of them, or those perpendicular to the axis of a cylinder.
-fn directions_across<const D: usize>(mesh: &Mesh<D>, sides: &[&[Facet<D>]]) -> Option<Vec<[f64; D]>>
+/// ∫ n nᵀ over sides.
+fn squares<const D: usize>(mesh: &Mesh<D>, sides: &[&[Facet<D>]]) -> Mat<f64>
 where
     ElementKind: Topology<D>,
 {
@@ -309,7 +347,15 @@ where
             }
         }
     }
-    let (values, vectors) = symmetric_eigen(&squares)?;
+    squares
+}
+
+/// The directions of the plane of an arc: all of them, or those perpendicular to the axis of a cylinder.
+fn directions_across<const D: usize>(mesh: &Mesh<D>, sides: &[&[Facet<D>]]) -> Option<Vec<[f64; D]>>
+where
+    ElementKind: Topology<D>,
+{
+    let (values, vectors) = symmetric_eigen(&squares(mesh, sides))?;
     let total: f64 = values.iter().sum();
     let some = (0..D).filter(|&k| values[k] > ACROSS * total);
     let some: Vec<[f64; D]> = some
@@ -319,13 +365,62 @@ where
     (some.len() > 1).then_some(some)
 }
 
-/// Sets of points about one centre in some directions, if none is farther from its arc than is `near` at these radii.
+/// The directions across the axis of a cylinder that a part of a boundary may be of, whose corners are the points: about that in which
+/// its normals lean least, turned until the points are nearest to a circle. None in the plane.
+///
+/// With coordinates z along the axis and x across it, the axis goes through c and is turned by t: |x − z t|² = 2 c·(x − z t) + k, by
+/// least squares, with the c of the step before in the product of both.
+fn across_axis<const D: usize>(
+    mesh: &Mesh<D>,
+    part: &[Facet<D>],
+    points: &[[f64; D]],
+) -> Option<Vec<[f64; D]>>
+where
+    ElementKind: Space<D>,
+{
+    /// Steps: 3 or 4 are enough where the points are on a cylinder at all.
+    const STEPS: usize = 8;
+    let (_, vectors) = symmetric_eigen(&squares(mesh, &[part]))?;
+    let mut axis: [f64; D] = std::array::from_fn(|c| vectors[(c, 0)]);
+    let (origin, size) = (points[0], extent(points));
+    if D != 3 || points.len() < 6 {
+        return None;
+    }
+    let mut centre = [0.0; 2];
+    for step in 0..STEPS {
+        let ways = frame(axis);
+        // First the centre alone.
+        let unknowns = if step == 0 { 3 } else { 5 };
+        let mut matrix = Mat::<f64>::zeros(points.len(), unknowns);
+        let mut right = vec![0.0; points.len()];
+        for (row, x) in points.iter().enumerate() {
+            let [z, x, y] = [0, 1, 2].map(|a| dot(ways[a], minus(*x, origin)) / size);
+            let along = [2.0 * z * (x - centre[0]), 2.0 * z * (y - centre[1])];
+            let entries = [2.0 * x, 2.0 * y, 1.0, along[0], along[1]];
+            (0..unknowns).for_each(|k| matrix[(row, k)] = entries[k]);
+            right[row] = x * x + y * y;
+        }
+        let found = least_squares(matrix, &right);
+        centre = [found[0], found[1]];
+        if step > 0 {
+            axis = unit(std::array::from_fn(|c| {
+                axis[c] + found[3] * ways[1][c] + found[4] * ways[2][c]
+            }));
+        }
+    }
+    axis.iter()
+        .all(|c| c.is_finite())
+        .then(|| frame(axis)[1..].to_vec())
+}
+
+/// Sets of points about one centre in some directions, if none is farther from its arc than is `near` at these radii for the point of that
+/// number in its set.
 ///
 /// |x|² = 2 c·x + kᵢ for the points of side i, rᵢ² = kᵢ + |c|², by least squares; about a point among them, for accuracy.
 fn concentric<const D: usize>(
     sides: &[Vec<[f64; D]>],
     across: Vec<[f64; D]>,
-    near: impl Fn(&[f64]) -> f64,
+    near: impl Fn(&[f64], usize) -> f64,
 ) -> Option<Arcs<D>> {
     let origin = *sides[0].first()?;
     let points = || {
@@ -372,9 +467,9 @@ fn concentric<const D: usize>(
     let mut off = all
         .iter()
         .zip(&radii)
-        .flat_map(|(all, radius)| all.iter().map(move |d| (d - radius).abs()));
+        .flat_map(|(all, radius)| all.iter().map(move |d| (d - radius).abs()).enumerate());
     // NaN is not an arc, either.
-    if !off.all(|off| off <= near(&radii)) {
+    if !off.all(|(k, off)| off <= near(&radii, k)) {
         return None;
     }
     let mut point = origin;
@@ -484,6 +579,42 @@ mod tests {
             assert!(length(minus(point, expected)) < 1e-9, "{point:?}");
         }
         assert!(centre(&rings([9, 14], 0.01))[0].is_empty());
+        // Waves far above the deviation of their facets from an arc of a large radius, and of an arc with one coarse facet.
+        let bowed = |waves: f64| {
+            let part = |x: f64, name: &str| {
+                let prefix = format!("{name}-");
+                rectangle(
+                    [x, 0.0],
+                    [1.0, 1.0],
+                    [1, 200],
+                    CellShape::Quad,
+                    name,
+                    &prefix,
+                )
+            };
+            let mut mesh = join(part(-1.0, "in"), part(0.0, "out"));
+            for x in &mut mesh.nodes {
+                x[0] += 2e-3 * 4.0 * x[1] * (1.0 - x[1]) + waves * (40.0 * PI * x[1]).sin();
+            }
+            mesh
+        };
+        assert!(!centre(&bowed(0.0))[0].is_empty());
+        assert!(centre(&bowed(1e-4))[0].is_empty());
+        let serrated = |teeth: f64| {
+            let mut mesh = rings([90, 90], 0.0);
+            for x in &mut mesh.nodes {
+                let [a, b] = [x[0] - 3.0, x[1] + 7.0];
+                let (r, angle) = (a.hypot(b), b.atan2(a));
+                // The last facet is nearly as long as all others.
+                let share = angle / (0.5 * PI) * 90.0;
+                let angle = if share > 89.5 { 0.45 * PI } else { angle / 2.0 };
+                let r = r + teeth * (60.0 * angle).sin();
+                *x = [r * angle.cos(), r * angle.sin()];
+            }
+            mesh
+        };
+        assert!(!centre(&serrated(0.0))[0].is_empty());
+        assert!(centre(&serrated(3e-4))[0].is_empty());
         // A groove with two flanks, or three that end on a circle, and what fits into it.
         for flanks in [2, 3] {
             let part = |x: f64, name: &str| {
@@ -502,6 +633,12 @@ mod tests {
                 x[0] += 0.3 * x[1] * x[1];
             }
             assert!(centre(&mesh)[0].is_empty(), "{flanks} flanks");
+            // With flanks of slightly other directions on both sides.
+            let tilt = 0.005;
+            for x in &mut mesh.nodes[..2 * (flanks + 1)] {
+                *x = [x[0] - tilt * x[1], x[1] + tilt * x[0]];
+            }
+            assert!(centre(&mesh)[0].is_empty(), "{flanks} flanks, tilted");
         }
     }
 
@@ -535,6 +672,39 @@ mod tests {
             let gap = gap_of_arcs(&mesh, sides.map(Vec::as_slice), 50.0).expect("cylinders");
             assert!((gap - 0.02).abs() < 1e-9, "{gap}");
         }
+        // Triangles whose corners are anywhere on the cylinders lean along their axis.
+        let part = |origin: f64, cells: usize, name: &str| {
+            let (from, prefix) = ([origin, 0.0, 0.0], format!("{name}-"));
+            let (size, cells) = ([0.5, 0.5, 1.0], [1, cells, 4]);
+            block(from, size, cells, SolidShape::Tetrahedron, name, &prefix)
+        };
+        let mut leaning = join(part(0.5, 6, "in"), part(1.02, 9, "out"));
+        for (k, x) in leaning.nodes.iter_mut().enumerate() {
+            if x[2] > 0.1 && x[2] < 0.9 {
+                x[1] += 0.02 * (7.0 * k as f64).sin();
+                x[2] += 0.06 * (11.0 * k as f64).sin();
+            }
+            let (sin, cos) = (PI * x[1]).sin_cos();
+            let [a, b, c] = [x[0] * cos, x[0] * sin, x[2]];
+            *x = [0.8 * a - 0.6 * c, b, 0.6 * a + 0.8 * c];
+        }
+        let [inner, outer] = ["in-right", "out-left"].map(|name| {
+            let side = leaning.outer_facets(name).map(<[_]>::to_vec);
+            side.unwrap_or_else(|_| panic!("the boundaries of a box"))
+        });
+        let sides = [&inner[..], &outer];
+        for (centres, radius) in centres_of_arcs(&leaning, sides, 50.0)
+            .iter()
+            .zip([1.0, -1.02])
+        {
+            let centre = centres[0].as_ref().expect("a cylinder");
+            assert!((centre.radius - radius).abs() < 1e-9, "{centre:?}");
+            assert_eq!(centre.across.len(), 2);
+        }
+        let side = |name: &str| mesh.outer_facets(name).map(<[_]>::to_vec);
+        let (Ok(inner), Ok(_)) = (side("in-right"), side("out-left")) else {
+            panic!("the boundaries of a box")
+        };
         // Six edges of a quarter circle of radius r are r (1 − cos(π/24)) off it.
         let off = sagitta(&mesh, [&inner, &[]], 50.0);
         let exact = 1.0 - (PI / 24.0).cos();

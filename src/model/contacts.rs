@@ -440,6 +440,16 @@ where
 /// The contact places of a pair, and its data so far.
 pub(super) type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
+/// Where the sides of a pair are round.
+struct Rounds<const D: usize> {
+    /// [`PairData::centres`].
+    centres: [Vec<Option<Centre<D>>>; 2],
+    /// The gap between arcs about one axis, where an overlap counts that these centres do not know.
+    gap: Option<f64>,
+    /// The deviation of the other facets, if an overlap counts.
+    sagitta: Option<f64>,
+}
+
 impl<const D: usize> Pair<D>
 where
     ElementKind: Space<D>,
@@ -489,6 +499,44 @@ where
         Ok(excluded)
     }
 
+    /// What is round about its sides.
+    fn rounds(
+        &self,
+        mesh: &Mesh<D>,
+        sides: [&[Facet<D>]; 2],
+        sectors: Option<&Sectors<D>>,
+    ) -> Rounds<D> {
+        let steepest = self.edge_angle.unwrap_or(EDGE_ANGLE);
+        let mut centres = match sectors {
+            _ if self.is_tie() => [Vec::new(), Vec::new()],
+            None => centres_of_arcs(mesh, sides, steepest),
+            Some(sectors) => {
+                let (whole, all) = sectors.all_around(mesh, sides);
+                centres_of_arcs(&whole, all.each_ref().map(Vec::as_slice), steepest)
+            }
+        };
+        for (centres, facets) in centres.iter_mut().zip(sides) {
+            centres.truncate(facets.len());
+        }
+        // Overlapping arcs lose that overlap as polygons.
+        let overlaps = self.overlap.is_some() && !self.is_with_itself();
+        let gap = (overlaps && centres[0].is_empty()).then(|| gap_of_arcs(mesh, sides, steepest));
+        let gap = gap.flatten();
+        let sagitta = (overlaps && gap.is_none()).then(|| {
+            let others = [0, 1].map(|side: usize| -> Vec<Facet<D>> {
+                let is_round = |k: usize| centres[side].get(k).is_some_and(Option::is_some);
+                let others = sides[side].iter().enumerate().filter(|at| !is_round(at.0));
+                others.map(|(_, facet)| *facet).collect()
+            });
+            sagitta(mesh, others.each_ref().map(Vec::as_slice), steepest)
+        });
+        Rounds {
+            centres,
+            gap,
+            sagitta,
+        }
+    }
+
     /// Looks for its contact places beside all pairs of a model. Where displacements are `large`, bodies may meet later.
     fn find<'p>(
         &'p self,
@@ -506,9 +554,6 @@ where
         let mut facets = self.own_facets(mesh)?;
         let excluded = self.excluded(mesh, all)?;
         let law = |x| self.law.at(x);
-        // Overlapping arcs lose that overlap as polygons.
-        let (mut off, mut of_arcs) = (None, None);
-        let mut centres = [Vec::new(), Vec::new()];
         let mut others = match self.meets() {
             Against::Boundary(names) => outer_facets(mesh, names.all())?,
             Against::Obstacle(_) => Vec::new(),
@@ -517,38 +562,18 @@ where
             Against::Boundary(_) => sliding.sectors(mesh, [&facets, &others])?.cloned(),
             Against::Obstacle(_) => None,
         };
-        if !others.is_empty() && !self.is_by_nodes() && !self.is_with_itself() {
-            let (sides, steepest) = (
-                [&facets[..], &others],
-                self.edge_angle.unwrap_or(EDGE_ANGLE),
-            );
-            if !self.is_tie() {
-                centres = match &sectors {
-                    None => centres_of_arcs(mesh, sides, steepest),
-                    Some(sectors) => {
-                        let (whole, all) = sectors.all_around(mesh, sides);
-                        centres_of_arcs(&whole, all.each_ref().map(Vec::as_slice), steepest)
-                    }
-                };
-                for (centres, facets) in centres.iter_mut().zip(sides) {
-                    centres.truncate(facets.len());
-                }
-            }
-            if self.overlap.is_some() {
-                if centres[0].is_empty() {
-                    of_arcs = gap_of_arcs(mesh, sides, steepest);
-                }
-                off = (of_arcs.is_none()).then(|| {
-                    let others = [0, 1].map(|side: usize| -> Vec<Facet<D>> {
-                        let is_round = |k: usize| centres[side].get(k).is_some_and(Option::is_some);
-                        let facets = sides[side].iter().enumerate();
-                        let others = facets.filter(|&(k, _)| !is_round(k));
-                        others.map(|(_, facet)| *facet).collect()
-                    });
-                    sagitta(mesh, others.each_ref().map(Vec::as_slice), steepest)
-                });
-            }
-        }
+        let Rounds {
+            mut centres,
+            gap: of_arcs,
+            sagitta,
+        } = match others.is_empty() || self.is_by_nodes() {
+            true => Rounds {
+                centres: [Vec::new(), Vec::new()],
+                gap: None,
+                sagitta: None,
+            },
+            false => self.rounds(mesh, [&facets, &others], sectors.as_deref()),
+        };
         let stated = self.stated_gap().map(|(_, gap)| gap);
         let gap = |x| of_arcs.unwrap_or_else(|| stated.as_ref().map_or(0.0, |gap| gap(x)));
         let overlap = |x| -gap(x);
@@ -671,7 +696,7 @@ where
             unmet,
             alike,
             centres,
-            sagitta: off,
+            sagitta,
             ..PairData::between(kind, &self.name, boundary, against, self.friction(units))
         };
         let found = match found {

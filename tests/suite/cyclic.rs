@@ -481,11 +481,11 @@ fn contact_goes_on_beyond_the_sides() {
             );
             pressures.push(0.5 * (low + high));
             let mean = pressures.iter().sum::<f64>() / pressures.len() as f64;
-            // Nodes of second order and meshes that do not match differ a little.
-            let even = if [cells, orders] == [6, 1] {
-                1e-6
-            } else {
-                0.04
+            // Nodes of second order, on chords, and meshes that do not match differ a little.
+            let even = match [cells, orders] {
+                [6, 1] => 1e-6,
+                [4, 2] => 0.07,
+                _ => 0.04,
             };
             let off = pressures.iter().map(|p| (p / mean - 1.0).abs());
             let off = off.fold(0.0, f64::max);
@@ -633,9 +633,8 @@ where
                 .u
                 .iter()
                 .fold(0.0, |far: f64, u| far.max(u.abs()));
-            // In space nothing resists turning but rounding, and it may turn far before forces are met.
             assert!(
-                far < 2e-3 || large && D == 3,
+                far < 2e-3,
                 "order {order}, turned by {turned}, large {large}: {far}"
             );
             found.solution.lambda[..found.m()].iter().sum::<f64>()
@@ -643,10 +642,6 @@ where
         let matched = pressed(0.0, false, Stiffness::Cholesky);
         for (turned, stiffness) in [(0.1, Stiffness::Cholesky), (0.03, Stiffness::Pcg)] {
             for large in [false, true] {
-                // The same, and slow.
-                if large && D == 3 && order == 2 {
-                    continue;
-                }
                 let force = pressed(turned, large, stiffness);
                 println!("{D} dimensions, order {order}, large {large}: {force} for {matched}");
                 let part = if large { 5e-3 } else { 2e-3 };
@@ -663,7 +658,7 @@ where
 /// pin that is drawn where it touches.
 #[test]
 fn pins_in_holes_of_other_facets() {
-    let force = |places: &[f64], facets: [usize; 2], drawn: f64| {
+    let force = |places: &[f64], facets: [usize; 2], drawn: f64, with_itself: bool| {
         let part = |name: String, radii, facets, place: [f64; 2]| {
             let mut mesh = welded(ring::<2>(&name, radii, [0.0, TAU], [6, facets], 1));
             for x in &mut mesh.nodes {
@@ -683,12 +678,21 @@ fn pins_in_holes_of_other_facets() {
         let model = Model::on(parts.reduce(join).expect("a pin"))
             .material(Material::new(1e3, 0.3))
             .support(Support::on(all("pin*-inside")).x(0.0).y(drawn - 0.02))
-            .support(Support::on(all("plate*-outside")).fixed())
-            .contact(Pair::new(all("pin*-outside"), all("plate*-inside")));
+            .support(Support::on(all("plate*-outside")).fixed());
+        let skin = [all("pin*-outside"), all("plate*-inside")];
+        let model = model.contact(match with_itself {
+            true => Pair::new(skin.concat(), skin.concat()),
+            false => Pair::new(skin[0].clone(), skin[1].clone()),
+        });
         let found = answer(model, 1e-9, Stiffness::Cholesky);
         found.solution.lambda[..found.m()].iter().sum::<f64>() / places.len() as f64
     };
-    let matched = force(&[0.0], [96, 96], 0.0);
+    let matched = force(&[0.0], [96, 96], 0.0, false);
+    let with_itself = force(&[0.0], [48, 96], 0.0, true);
+    assert!(
+        (with_itself / matched - 1.0).abs() < 0.02,
+        "{with_itself} for {matched}"
+    );
     for (places, facets, drawn, most) in [
         (&[0.0][..], [48, 96], 0.0, 0.02),
         (&[0.0], [96, 40], 0.0, 0.02),
@@ -696,7 +700,7 @@ fn pins_in_holes_of_other_facets() {
         (&[0.0], [48, 96], 0.01, 0.02),
         (&[0.0], [96, 96], 0.01, 0.02),
     ] {
-        let found = force(places, facets, drawn);
+        let found = force(places, facets, drawn, false);
         println!("{places:?} {facets:?} {drawn}: {found} for {matched}");
         assert!(
             (found / matched - 1.0).abs() < most,

@@ -2,13 +2,13 @@
 
 use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
 use crate::contact::search::Search;
-use crate::contact::{Centre, ContactError, fit};
+use crate::contact::{Centre, ContactError, FITTING, fit};
 use crate::elasticity::{Depth, Depths};
 use crate::mesh::shape::sum;
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes};
 use crate::rigid::Rotation;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 pub(super) struct Surface<'a, const D: usize>
 where
@@ -71,17 +71,20 @@ where
             }
             *normal = unit(*normal);
         }
-        let rest = options.rest.unwrap_or(mesh);
-        let turns = match centres.iter().any(Option::is_some) {
-            true => turns_at_nodes([rest, mesh], facets),
-            false => HashMap::new(),
+        let turns = match options.rest {
+            Some(rest) if centres.iter().any(Option::is_some) => {
+                turns_at_nodes([rest, mesh], facets)
+            }
+            _ => HashMap::new(),
         };
+        let rest = options.rest.unwrap_or(mesh);
         for ((facet, centre), part) in facets.iter().zip(centres).zip(&part) {
             let Some(centre) = centre else { continue };
             for &node in facet_nodes(facet) {
                 let radius = centre.radius_to(rest.nodes[node as usize]);
-                let radius = unit(turns[&node].of(radius));
-                normals.insert((node, *part), radius.map(|c| centre.radius.signum() * c));
+                let turned = turns.get(&node).map_or(radius, |turn| turn.of(radius));
+                let outward = unit(turned).map(|c| centre.radius.signum() * c);
+                normals.insert((node, *part), outward);
             }
         }
         let mut parts: HashMap<u32, Vec<[f64; D]>> = HashMap::new();
@@ -156,11 +159,45 @@ where
     }
 }
 
+/// The directions of both radii at a point of contact of round sides that fit differ by less than this, in rad: by half as much where
+/// one lies in the other, and more where it lies on the end of a partial arc.
+const RADII_DIFFER: f64 = 2.0 * FITTING;
+
+/// The nodes of a facet beside its corners, by their numbers in it, each with those between which it is: two corners, or all of them.
+fn midside<F: AsRef<[u32]>>(facet: &F) -> impl Iterator<Item = (usize, Vec<usize>)> {
+    let (corners, nodes) = (facet_corners(facet).len(), facet_nodes(facet).len());
+    (corners..nodes).map(move |node| match node - corners {
+        k if k < corners => (node, vec![k, (k + 1) % corners]),
+        _ => (node, (0..corners).collect()),
+    })
+}
+
+/// Whether its edges are straight: of first order, or with nodes in the middle between the corners, as where a mesh of first order is
+/// raised.
+pub(crate) fn is_straight<const D: usize>(mesh: &Mesh<D>, facet: &Facet<D>) -> bool
+where
+    ElementKind: Topology<D>,
+{
+    /// As a part of the distance of the corners: coordinates have six digits at least.
+    const STRAIGHT: f64 = 1e-5;
+    let (x, _) = mesh.places_of(facet);
+    midside(facet).all(|(node, ends)| {
+        let count = ends.len() as f64;
+        let mean = std::array::from_fn(|c| ends.iter().map(|&k| x[k][c]).sum::<f64>() / count);
+        let size = length(minus(x[ends[1]], x[ends[0]]));
+        length(minus(x[node], mean)) <= STRAIGHT * size
+    })
+}
+
 /// The deviation of a facet of a round side from the arc through its nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulge<const D: usize> {
     /// At rest from the axis or centre to its nodes; zero where the side is not round.
     radii: [[f64; D]; 9],
+    /// The lengths of these; at a node in the middle between others the mean of theirs.
+    lengths: [f64; 9],
+    /// Half the angle between those of its corners, in rad.
+    half_angle: f64,
     /// [`Centre::radius`]; 0 where the side is not round.
     radius: f64,
     /// How far it has been stretched around the axis.
@@ -174,6 +211,8 @@ impl<const D: usize> Bulge<D> {
     {
         let mut bulge = Self {
             radii: [[0.0; D]; 9],
+            lengths: [0.0; 9],
+            half_angle: 0.0,
             radius: 0.0,
             stretch: 1.0,
         };
@@ -185,6 +224,13 @@ impl<const D: usize> Bulge<D> {
         for (radius, &node) in radii.iter_mut().zip(facet_nodes(facet)) {
             *radius = centre.radius_to(rest.nodes[node as usize]);
         }
+        bulge.lengths = radii.map(length);
+        if is_straight(rest, facet) {
+            for (node, ends) in midside(facet) {
+                let all = ends.iter().map(|&k| bulge.lengths[k]);
+                bulge.lengths[node] = all.sum::<f64>() / ends.len() as f64;
+            }
+        }
         // Along that way between corners which goes most around the axis.
         let corners = facet_corners(facet);
         let mut around = 0.0;
@@ -193,6 +239,8 @@ impl<const D: usize> Bulge<D> {
                 let [long, longer] = [rest, now]
                     .map(|mesh| length(minus(mesh.nodes[b as usize], mesh.nodes[a as usize])));
                 let part = length(minus(radii[k], radii[j])) / long;
+                let cos = dot(unit(radii[k]), unit(radii[j])).clamp(-1.0, 1.0);
+                bulge.half_angle = bulge.half_angle.max(0.5 * cos.acos());
                 if part > around {
                     (around, bulge.stretch) = (part, longer / long);
                 }
@@ -205,12 +253,30 @@ impl<const D: usize> Bulge<D> {
         fit(self.radius, other.radius)
     }
 
+    /// Whether these facets, with their normals, may meet at a point where the directions of both radii hardly differ.
+    pub fn faces(&self, normal: [f64; D], other: &Self, there: [f64; D]) -> bool {
+        let most = RADII_DIFFER + self.half_angle + other.half_angle;
+        -dot(normal, there) >= most.min(std::f64::consts::PI).cos()
+    }
+
     /// How far the arc is outside the facet at these φ of its nodes.
     pub fn at(&self, shape: &[f64; 9]) -> f64 {
-        let each = self.radii.iter().zip(shape);
-        let radius: f64 = each.map(|(radius, phi)| phi * length(*radius)).sum();
+        let each = self.lengths.iter().zip(shape);
+        let radius: f64 = each.map(|(length, phi)| phi * length).sum();
         self.stretch * self.radius.signum() * (radius - length(sum(shape, &self.radii)))
     }
+}
+
+/// The nodes of the facets around each node.
+pub(crate) fn nodes_around<const D: usize>(facets: &[Facet<D>]) -> HashMap<u32, BTreeSet<u32>>
+where
+    ElementKind: Topology<D>,
+{
+    let mut around: HashMap<u32, BTreeSet<u32>> = HashMap::new();
+    for nodes in facets.iter().map(facet_nodes) {
+        (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
+    }
+    around
 }
 
 /// By how much the facets around each node have turned.
@@ -221,20 +287,14 @@ fn turns_at_nodes<const D: usize>(
 where
     ElementKind: Topology<D>,
 {
-    let mut arms: HashMap<u32, Vec<_>> = HashMap::new();
-    for nodes in facets.iter().map(facet_nodes) {
-        for &node in nodes {
-            let to = nodes.iter().filter(|other| **other != node);
-            arms.entry(node).or_default().extend(to.map(|&other| {
-                let [rest, now] =
-                    meshes.map(|mesh| minus(mesh.nodes[other as usize], mesh.nodes[node as usize]));
-                (1.0, rest, now)
-            }));
-        }
-    }
-    (arms.into_iter())
-        .map(|(node, arms)| (node, Rotation::nearest(arms.into_iter())))
-        .collect()
+    let turn = |(node, around): (u32, BTreeSet<u32>)| {
+        let [rest, now] = meshes.map(|mesh| {
+            let places = around.iter().map(|&node| mesh.nodes[node as usize]);
+            places.collect::<Vec<_>>()
+        });
+        (node, Rotation::between(&rest, &now))
+    };
+    nodes_around(facets).into_iter().map(turn).collect()
 }
 
 /// The outward unit normals of a facet at its nodes.

@@ -13,11 +13,10 @@ use super::super::entities::Part as _;
 use super::super::error::{EntityKind, Fault, ModelError};
 use super::super::motion::Moved;
 use super::super::spring::Spring;
-use super::connected::Carried;
 use super::{Deformation, Moment};
 use crate::contact::{
     ContactError, ContactPlace, Excluded, Met, Obstacle, PairOptions, SlipBound, Space,
-    are_excluded, areas, crosses_itself, enclosed, frame, node_contact, shares,
+    are_excluded, areas, crosses_itself, enclosed, frame, node_contact, nodes_around, shares,
 };
 use crate::elasticity::Body;
 use crate::mesh::vector::{dot, length, minus};
@@ -254,23 +253,11 @@ impl<'t, const D: usize> Earlier<'t, D> {
     }
 }
 
-/// The nodes of the facets around each node.
-fn around<const D: usize>(facets: &[Facet<D>]) -> HashMap<u32, Vec<u32>>
-where
-    ElementKind: Space<D>,
-{
-    let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
-    for nodes in facets.iter().map(facet_nodes) {
-        (nodes.iter()).for_each(|node| around.entry(*node).or_default().extend(nodes));
-    }
-    around
-}
-
 /// The turn of the facets `around` one side of a place, from some positions of the nodes of the mesh to others; None without a facet.
 fn turn_beside<const D: usize>(
     place: &ContactPlace<D>,
     side: &[(u32, f64)],
-    around: &HashMap<u32, Vec<u32>>,
+    around: &HashMap<u32, BTreeSet<u32>>,
     positions: [&dyn Fn(u32) -> [f64; D]; 2],
 ) -> Option<Rotation<D>> {
     let beside = side.iter().filter_map(|&(image, _)| {
@@ -278,12 +265,11 @@ fn turn_beside<const D: usize>(
         Some(nodes.map(move |&node| place.beside(image, node)))
     });
     let nodes: BTreeSet<u32> = beside.flatten().collect();
-    let shares: Vec<(u32, f64)> = (0..nodes.len() as u32).map(|k| (k, 1.0)).collect();
     let [from, to] = positions.map(|at| {
         let all = nodes.iter().map(|&node| place.place_at(node, at));
         all.collect::<Vec<_>>()
     });
-    (!nodes.is_empty()).then(|| Carried::of(&shares, &from, &to, &[]).turn)
+    (!nodes.is_empty()).then(|| Rotation::between(&from, &to))
 }
 
 /// How an obstacle turns in a load step, where it is in its place at the end of it.
@@ -343,7 +329,10 @@ where
     fn turn_of_gap(
         &self,
         place: &ContactPlace<D>,
-        around: &LazyCell<HashMap<u32, Vec<u32>>, impl FnOnce() -> HashMap<u32, Vec<u32>>>,
+        around: &LazyCell<
+            HashMap<u32, BTreeSet<u32>>,
+            impl FnOnce() -> HashMap<u32, BTreeSet<u32>>,
+        >,
         u: &[[f64; D]],
     ) -> [f64; D] {
         let rest = |node: u32| self.mesh.nodes[node as usize];
@@ -456,7 +445,7 @@ where
             let is_tie = self.pairs[pair as usize].kind == EntityKind::Tie;
             let data = &self.pairs[pair as usize];
             let [around_own, around] =
-                [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
+                [&data.facets, &data.others].map(|facets| LazyCell::new(|| nodes_around(facets)));
             let at_then = |node: u32| self.place_of(node, &before.displacement);
             for (k, was) in now_of.iter().enumerate() {
                 let mut acts = pair_acts;
@@ -850,7 +839,7 @@ where
             mutual.collect::<Vec<_>>()
         };
         let [around, beyond] =
-            [&data.facets, &data.others].map(|facets| LazyCell::new(|| around::<D>(facets)));
+            [&data.facets, &data.others].map(|facets| LazyCell::new(|| nodes_around(facets)));
         let here = |node: u32| moved.nodes[node as usize];
         let at_then = |node: u32| self.place_of(node, displacement_before);
         // Where a boundary meets itself, the nearest one may be across the body.
