@@ -268,8 +268,8 @@ where
         Ok(solution)
     }
 
-    /// The stiffness of springs on the motions of bodies that contact without friction holds; None where all are held otherwise or
-    /// nothing presses.
+    /// The stiffness of springs on the motions of bodies that contact without friction holds, some of it between round sides; None where
+    /// all are held otherwise or nothing presses.
     ///
     /// Contact resists the turn of a round body by hardly more than the errors of its facets do. Newton's method would take it far
     /// around.
@@ -278,10 +278,8 @@ where
         let least = bodies.iter().map(|body| body.nodes().len()).min()?;
         let has_friction = (0..tied.len()).any(|row| !tied[row] && at.problem.has_friction(row));
         let force: f64 = at.touches.iter().map(|touch| length(touch.force)).sum();
-        let facet = self
-            .elastic
-            .facet_length()
-            .filter(|_| !has_friction && force > 0.0)?;
+        let round = self.elastic.round_facet();
+        let facet = round.filter(|_| !has_friction && force > 0.0)?;
         Some(SPRINGS * force / (facet * least as f64))
     }
 

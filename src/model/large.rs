@@ -393,13 +393,15 @@ where
         Ok(())
     }
 
-    /// The mean length of facets where bodies meet; of several contacts the least.
-    pub(crate) fn facet_length(&self) -> Option<f64> {
-        self.sliding
+    /// The longest facet of round sides in each other; of several contacts that of the finest.
+    pub(crate) fn round_facet(&self) -> Option<f64> {
+        let is_round = |pair: &u32| !self.pairs[*pair as usize].centres[0].is_empty();
+        let round = self
+            .sliding
             .stated
-            .values()
-            .map(|stated| stated.facet)
-            .reduce(f64::min)
+            .iter()
+            .filter(|(pair, _)| is_round(pair));
+        round.map(|(_, stated)| stated.facet).reduce(f64::min)
     }
 
     /// The forces in the volume that depend on where the bodies are, and the symmetric part of their tangent.
