@@ -26,6 +26,8 @@ const STEPS: usize = 200;
 pub(crate) const BALANCED: f64 = 1e-10;
 /// How often a step that a pass repeats is doubled at most: where nothing balances a body, φ falls without end.
 const DOUBLINGS: usize = 10;
+/// A motion that moves some row by more than this is resisted; columns of G have length one. Eigenvectors of G Gᵀ leave 1e-12.
+const RESISTS: f64 = 1e-11;
 /// The slope at the end of a line search, relative to that at its start.
 const SEARCHED: f64 = 1e-2;
 
@@ -48,6 +50,8 @@ pub(crate) struct Balance {
     without_contact: Vec<f64>,
     /// [`CURVATURE`], or less if the balance of the bodies requires it.
     curvature: f64,
+    /// Whether λ is balanced to rounding on its face, if the balance of the bodies requires that too.
+    refines: bool,
 }
 
 /// The forces that an imbalance along a motion is measured by.
@@ -176,6 +180,7 @@ impl Balance {
             shares,
             lengths,
             curvature: CURVATURE,
+            refines: false,
         }
     }
 
@@ -296,7 +301,9 @@ impl Balance {
             }
             before = size;
         }
-        self.refine(&mut now, &project);
+        if self.refines {
+            self.refine(&mut now, &project);
+        }
         let Trial {
             eta, mut lambda, ..
         } = now;
@@ -498,11 +505,14 @@ impl Balance {
             return near;
         }
         self.curvature = ROUNDING;
-        let closer = self.nearest(&zero, &project);
-        if closer.balanced {
-            return closer;
+        for refines in [false, true] {
+            self.refines = refines;
+            let closer = self.nearest(&zero, &project);
+            if closer.balanced {
+                return closer;
+            }
         }
-        self.curvature = CURVATURE;
+        (self.curvature, self.refines) = (CURVATURE, false);
         self.give_up(&near.imbalance);
         near
     }
@@ -609,6 +619,18 @@ impl<const D: usize> FaceBalance<D> {
         let mut free: Vec<Vec<f64>> = Vec::new();
         for (c, _) in (values.iter().enumerate()).filter(|at| !(*at.1 > DEPENDENT * largest)) {
             let eta: Vec<f64> = (0..values.len()).map(|j| vectors[(j, c)]).collect();
+            // A weak resistance is one.
+            let moved = self.balance.spread(&eta);
+            let m = self.moving.len();
+            let along = |i: usize, way: &[f64; D]| {
+                let terms = (0..D).map(|a| way[a] * moved[row_of::<D>(m, i, a)]);
+                terms.sum::<f64>().abs()
+            };
+            let each = self.moving.iter().enumerate();
+            let mut each = each.flat_map(|(i, ways)| ways.iter().map(move |way| (i, way)));
+            if each.any(|(i, way)| along(i, way) > RESISTS) {
+                continue;
+            }
             let mut way = self.balance.coefficients(&eta);
             let size = norm(&way);
             for _ in 0..2 {
