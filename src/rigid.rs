@@ -134,7 +134,7 @@ impl<const D: usize> Rotation<D> {
         Self { half }.shorter()
     }
 
-    /// The one that brings points nearest to others, about the mean of both.
+    /// The one that brings points nearest to others, each about their mean.
     pub fn between(from: &[[f64; D]], to: &[[f64; D]]) -> Self {
         let arms = |points: &[[f64; D]]| {
             let count = points.len() as f64;

@@ -151,7 +151,8 @@ impl<'a> Said<'a> {
         if let Some(known) = k.of_mesh().or(table.map(|known| known.1)) {
             self.only(k, known);
         }
-        if !self.steps.is_empty() && BEFORE_STEPS.contains(&k.name.as_str()) {
+        let mut before_steps = OF_PARTS.iter().chain(&BEFORE_STEPS);
+        if !self.steps.is_empty() && before_steps.any(|name| k.name == *name) {
             let text = format!("*{} in a step: it belongs before the first *STEP", k.name);
             return Err((k.line, text));
         }

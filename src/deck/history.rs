@@ -115,13 +115,17 @@ impl Track {
             .iter()
             .rfind(|setting| setting.by.step <= step);
         last.is_some_and(|last| {
-            let together = |one: &&Setting| match last.adds {
-                true => one.by.step == last.by.step,
-                false => std::ptr::eq(*one, last),
-            };
             let is_something = |one: &Setting| one.to != To::Value(0.0);
-            let mut all = self.settings.iter().filter(together);
-            last.by.step < step && last.to != To::Nothing && all.any(is_something)
+            let goes_on = last.by.step < step && last.to != To::Nothing;
+            goes_on && self.together(last).any(is_something)
+        })
+    }
+
+    /// The settings that count with the last one of a step.
+    fn together<'s>(&'s self, last: &'s Setting) -> impl Iterator<Item = &'s Setting> {
+        self.settings.iter().filter(|one| match last.adds {
+            true => one.by.step == last.by.step,
+            false => std::ptr::eq(*one, last),
         })
     }
 
@@ -145,17 +149,13 @@ impl Track {
 
     /// The change since the beginning of a step that does not state it, of amplitudes in total time.
     fn goes_on(&self, times: &Times, step: usize, time: f64) -> f64 {
-        let earlier = self
+        let mut earlier = self
             .settings
             .iter()
             .filter(|setting| setting.by.step < step);
-        let Some(last) = earlier.clone().next_back() else {
+        let Some(last) = earlier.next_back() else {
             return 0.0;
         };
-        let here = earlier.filter(|one| match last.adds {
-            true => one.by.step == last.by.step,
-            false => std::ptr::eq(*one, last),
-        });
         let begin = times.begin(step);
         let change = |setting: &Setting| match (setting.to, setting.by.amplitude) {
             (To::Value(value), Some(number)) if times.said.amplitudes[number].total => {
@@ -164,7 +164,7 @@ impl Track {
             }
             _ => 0.0,
         };
-        here.map(change).sum()
+        self.together(last).map(change).sum()
     }
 
     /// Its value at the end of each load step, if it has been `start` before the first.
@@ -174,17 +174,16 @@ impl Track {
         let mut values = Vec::with_capacity(times.ends.len());
         for (i, &(step, time)) in times.ends.iter().enumerate() {
             let about = &times.said.steps[step];
-            let here = self
+            let mut here = self
                 .settings
                 .iter()
                 .filter(|setting| setting.by.step == step);
-            let last = here.clone().next_back();
-            let value = match last {
+            let value = match here.next_back() {
                 None => before + self.goes_on(times, step, time),
                 Some(Setting { to: To::Fixed, .. }) => before,
                 Some(last) => {
                     let (mut ramped, mut swung) = (None, 0.0);
-                    for setting in here.filter(|one| last.adds || std::ptr::eq(*one, last)) {
+                    for setting in self.together(last) {
                         let target = match setting.to {
                             To::Value(value) => value,
                             _ => start,

@@ -265,6 +265,12 @@ impl Balance {
         sums
     }
 
+    /// Whether an imbalance is no more than the rounding of contact forces with these terms.
+    fn is_rounding(&self, imbalance: &[f64], terms: &[f64]) -> bool {
+        let scales = self.scales(terms);
+        (imbalance.iter().zip(&scales)).all(|(v, scale)| v.abs() <= scale.rounding())
+    }
+
     /// The point of Λₑ nearest to x, or the one of Λ with the least imbalance; `project` is P_Λ on a contact node.
     pub fn nearest<const D: usize>(
         &self,
@@ -285,8 +291,7 @@ impl Balance {
             let start = now.eta.clone();
             now = self.pass(now, curvature, &project);
             let left = self.excess(&now.lambda);
-            let scales = self.scales(&now.lambda);
-            if (0..k).all(|j| left[j].abs() <= scales[j].rounding()) {
+            if self.is_rounding(&left, &now.lambda) {
                 break;
             }
             // The imbalance of a body that nothing holds stays, pass by pass; that of a slab on a foot of 1e-5 of it falls, but
@@ -347,8 +352,7 @@ impl Balance {
         };
         let mut slope = slope_at(&now);
         for _ in 0..STEPS {
-            let scales = self.scales(&now.terms);
-            if (slope.iter().zip(&scales)).all(|(s, scale)| s.abs() <= scale.rounding()) {
+            if self.is_rounding(&slope, &now.terms) {
                 break;
             }
             let direction = self.newton_direction(&now.derivatives, &slope, curvature);
@@ -378,8 +382,7 @@ impl Balance {
         const STEPS: usize = 3;
         for _ in 0..STEPS {
             let left = self.excess(&now.lambda);
-            let scales = self.scales(&now.lambda);
-            if (left.iter().zip(&scales)).all(|(v, scale)| v.abs() <= scale.rounding()) {
+            if self.is_rounding(&left, &now.lambda) {
                 break;
             }
             let along = self.spread(&self.newton_direction(&now.derivatives, &left, 0.0));
@@ -609,14 +612,13 @@ pub(crate) struct FaceBalance<const D: usize> {
 }
 
 impl<const D: usize> FaceBalance<D> {
-    /// The coefficients of a motion without its part along motions that none of the multipliers resists.
-    pub fn resisted(&self, motion: &[f64]) -> Vec<f64> {
-        let mut resisted = motion.to_vec();
+    /// Orthonormal coefficients of the motions that none of the multipliers resists.
+    pub fn free(&self) -> Vec<Vec<f64>> {
+        let mut free: Vec<Vec<f64>> = Vec::new();
         let Some((values, vectors)) = symmetric_eigen(&self.balance.gram(&self.moving)) else {
-            return resisted;
+            return free;
         };
         let largest = values.iter().copied().fold(0.0, f64::max);
-        let mut free: Vec<Vec<f64>> = Vec::new();
         for (c, _) in (values.iter().enumerate()).filter(|at| !(*at.1 > DEPENDENT * largest)) {
             let eta: Vec<f64> = (0..values.len()).map(|j| vectors[(j, c)]).collect();
             // A weak resistance is one.
@@ -642,11 +644,10 @@ impl<const D: usize> FaceBalance<D> {
             // Motions without any entry have no coefficient.
             if left > INDEPENDENT * size {
                 way.iter_mut().for_each(|v| *v /= left);
-                add_times(-dot(&way, &resisted), &way, &mut resisted);
                 free.push(way);
             }
         }
-        resisted
+        free
     }
 
     /// Adds the shortest F y that changes Gλ by `change`.

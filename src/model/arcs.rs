@@ -37,23 +37,19 @@ where
     if !(scatter > EVEN * range[1].abs() && scatter > 0.0) {
         return None;
     }
-    let nodes = sides.map(|facets| nodes_of(mesh, facets, facet_corners));
+    let nodes = sides.map(|facets| corners_of(mesh, facets));
     let across = directions_across(mesh, &sides)?;
     let Arcs { radii, .. } = concentric(&nodes, across, |_, _| ON_ARC * scatter)?;
     let gap = (radii[1] - radii[0]).abs();
     (scatter > EVEN * gap).then_some(gap)
 }
 
-/// The places of some nodes of facets.
-fn nodes_of<const D: usize>(
-    mesh: &Mesh<D>,
-    facets: &[Facet<D>],
-    of_facet: impl Fn(&Facet<D>) -> &[u32],
-) -> Vec<[f64; D]>
+/// The places of the corners of facets.
+fn corners_of<const D: usize>(mesh: &Mesh<D>, facets: &[Facet<D>]) -> Vec<[f64; D]>
 where
     ElementKind: Topology<D>,
 {
-    let nodes: BTreeSet<u32> = facets.iter().flat_map(of_facet).copied().collect();
+    let nodes: BTreeSet<u32> = facets.iter().flat_map(facet_corners).copied().collect();
     (nodes.iter())
         .map(|&node| mesh.nodes[node as usize])
         .collect()
@@ -234,7 +230,7 @@ where
     }
     let off = turns.iter().map(Turn::sagitta).fold(0.0, f64::max);
     let nodes: Vec<_> = (sides.iter())
-        .map(|facets| nodes_of(mesh, facets, facet_corners))
+        .map(|facets| corners_of(mesh, facets))
         .collect();
     let size = nodes
         .iter()

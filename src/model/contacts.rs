@@ -441,6 +441,7 @@ where
 pub(super) type Found<const D: usize> = (Vec<ContactPlace<D>>, PairData<D>);
 
 /// Where the sides of a pair are round.
+#[derive(Default)]
 struct Rounds<const D: usize> {
     /// [`PairData::centres`].
     centres: [Vec<Option<Centre<D>>>; 2],
@@ -567,11 +568,7 @@ where
             gap: of_arcs,
             sagitta,
         } = match others.is_empty() || self.is_by_nodes() {
-            true => Rounds {
-                centres: [Vec::new(), Vec::new()],
-                gap: None,
-                sagitta: None,
-            },
+            true => Rounds::default(),
             false => self.rounds(mesh, [&facets, &others], sectors.as_deref()),
         };
         let stated = self.stated_gap().map(|(_, gap)| gap);

@@ -8,6 +8,7 @@ use super::{EXACT, MET, Status};
 use crate::control::Stop;
 use crate::dual::{DualError, conditions};
 use crate::problem::Kkt;
+use crate::sparse::{add_times, dot};
 
 /// What is due at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -199,10 +200,10 @@ impl<const D: usize> Newton<'_, D> {
     fn certify(&mut self, point: &Point, mut u: Vec<f64>) -> Result<Certificate, DualError> {
         let whole = self.dual.whole;
         // What nothing resists stays where it is.
-        let motion = match &self.dual.balanced {
-            Some(balanced) => balanced.resisted(&point.motion),
-            None => point.motion.clone(),
-        };
+        let mut motion = point.motion.clone();
+        for way in &self.dual.free {
+            add_times(-dot(way, &motion), way, &mut motion);
+        }
         (whole.floating_bodies()).add_motion(&motion, &mut u);
         let lambda = self.unscaled(point).0;
         let kkt = conditions(whole, self.products.dual.operator, &u, &lambda)?;

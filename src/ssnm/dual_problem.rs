@@ -24,6 +24,8 @@ pub(super) struct DualProblem<'a, const D: usize> {
     /// G on all multipliers. Products are made with balanced directions: the rest of a short step is rounding of λ, and
     /// along it A depends on where K⁻¹ holds the bodies.
     pub balanced: Option<FaceBalance<D>>,
+    /// Orthonormal coefficients of the motions that no multiplier resists.
+    pub free: Vec<Vec<f64>>,
     /// The λ of err⁰: 0, or the least forces that balance the bodies.
     pub least: Vec<f64>,
     /// The part of the load that no λ ∈ Λ can balance, and the motion that this drives; both are empty if Λ balances all of it.
@@ -64,6 +66,7 @@ impl<'a, const D: usize> DualProblem<'a, D> {
             law: Law::new(whole, dual),
             balance: None,
             balanced: None,
+            free: Vec::new(),
             least: vec![0.0; D * whole.m()],
             imbalance: Vec::new(),
             mechanism: Vec::new(),
@@ -110,7 +113,9 @@ impl<'a, const D: usize> DualProblem<'a, D> {
             },
         });
         let balance = Rc::new(balance);
-        self.balanced = Some(balance.on_face(&rubs.collect::<Vec<_>>(), &[]));
+        let balanced = balance.on_face(&rubs.collect::<Vec<_>>(), &[]);
+        self.free = balanced.free();
+        self.balanced = Some(balanced);
         self.balance = Some(balance);
     }
 
