@@ -145,7 +145,13 @@ impl Balance {
         let motions = free.contact_motions(b);
         let scaled = motions.triplets().map(|(i, j, v)| (i, j, factor(i) * v));
         let transposed = Csr::from_triplets(motions.n_rows(), free.n_modes(), scaled);
-        let (e, acting) = (free.resultants(load), free.sizes(load));
+        let (mut e, acting) = (free.resultants(load), free.sizes(load));
+        // Loads that are in balance, as those of heating are, are so up to rounding: no forces are as small.
+        for (e, acting) in e.iter_mut().zip(&acting) {
+            if e.abs() <= ROUNDING * acting {
+                *e = 0.0;
+            }
+        }
         Self::from_parts(&transposed, &e, acting, free.body_of_motion())
     }
 

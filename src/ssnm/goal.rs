@@ -147,16 +147,16 @@ impl Goal {
             return false;
         };
         let closing = close_alone(problem, &missing, self.numbers.force_steps);
-        // The largest pressure and the largest traction.
-        let mut largest = [0.0_f64; 2];
-        let mut note = |i: usize, a: usize, force: f64| {
-            let kind = &mut largest[usize::from(a > 0)];
+        // The largest pressure and the largest traction, before the load step and now.
+        let mut largest = [[0.0_f64; 2]; 2];
+        let mut note = |when: usize, i: usize, a: usize, force: f64| {
+            let kind = &mut largest[when][usize::from(a > 0)];
             *kind = kind.max(force.abs() / areas[i]);
         };
         let before = &problem.load_case().before;
         for i in 0..if self.by_start { before.len() / D } else { 0 } {
             let before: [f64; D] = at(before, i);
-            (0..D).for_each(|a| note(i, a, before[a]));
+            (0..D).for_each(|a| note(0, i, a, before[a]));
         }
         let mut off = 0.0_f64;
         for i in 0..problem.m() {
@@ -166,7 +166,7 @@ impl Goal {
             let met: [f64; D] = disc.project(from_fn(|a| node[a] + more[a]));
             for a in 0..D {
                 if c[a] * node[a].abs() > touching * none[a] {
-                    note(i, a, node[a]);
+                    note(1, i, a, node[a]);
                     off = off.max(none[a] / c[a] / areas[i]);
                 }
                 let moved = (met[a] - node[a]).abs() / areas[i];
@@ -177,8 +177,11 @@ impl Goal {
             }
         }
         // Under given bounds there may be only tractions.
-        let [pressure, traction] = largest;
-        let largest = if pressure > 0.0 { pressure } else { traction };
+        let [before, now] = largest.map(|[pressure, traction]| match pressure > 0.0 {
+            true => pressure,
+            false => traction,
+        });
+        let largest = before.max(now);
         largest == 0.0 || off <= forces * self.tolerance * largest
     }
 }
@@ -209,7 +212,7 @@ fn missing<const D: usize, K>(
 }
 
 /// The rounding of each entry of r.
-fn rounding<const D: usize, K>(
+pub(super) fn rounding<const D: usize, K>(
     problem: &ContactProblem<D, K>,
     lambda: &[f64],
     r: &[f64],

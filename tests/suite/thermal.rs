@@ -1,6 +1,7 @@
 //! Thermal strain and rotation against closed forms; parts that are turned.
 
 use crate::common::or_panic::OrPanic as _;
+use crate::common::solve_case;
 use signorini::case::{Case, CaseProblem};
 use signorini::contact::Space;
 use signorini::elasticity::{Incompressible, Material, stresses_at};
@@ -109,6 +110,34 @@ fn warm_bodies_expand_without_stress() {
             let mesh = block([0.0; 3], [1.0; 3], [2; 3], shape, "body", "");
             expands_freely(mesh.clone(), incompressible);
             expands_freely(mesh.raised().or_panic(), incompressible);
+        }
+    }
+}
+
+/// Two blocks on top of each other that expand freely: no force is needed, and what rounding leaves is none.
+#[test]
+fn warm_blocks_on_each_other_bear_nothing() {
+    for friction in ["none", "{ coulomb = 0.3 }"] {
+        for (cells, warmth) in [([9, 6], 37.3_f64), ([4, 7], 100.0), ([11, 5], -41.0)] {
+            let solved = solve_case(
+                &format!(
+                    "[[mesh.part]]\nname = \"a\"\nrectangle = {{ size = [3, 1], cells = [{}, 3] }}\n\
+                     [[mesh.part]]\nname = \"b\"\nrectangle = {{ size = [3, 0.7], cells = [{}, 3] }}\nshift = [0, 1]\n\
+                     [[material]]\nyoung = 1\npoisson = 0\nexpansion = 1e-5\n[[temperature]]\nvalue = {warmth}\n\
+                     [[support]]\nboundary = \"a-bottom\"\ny = 0\n[[support]]\npoint = [0, 0]\nx = 0\n\
+                     [[contact]]\nboundary = \"b-bottom\"\nagainst = \"a-top\"\nfriction = {}\n",
+                    cells[0],
+                    cells[1],
+                    if friction == "none" {
+                        "\"none\""
+                    } else {
+                        friction
+                    },
+                ),
+                1e-6,
+            );
+            let most = (solved.solution().lambda.iter()).fold(0.0_f64, |most, l| most.max(l.abs()));
+            assert!(most <= 1e-14 * 1e-5 * warmth.abs(), "{cells:?}: {most:e}");
         }
     }
 }
