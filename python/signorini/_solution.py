@@ -577,6 +577,7 @@ class Solution:
         """The contacts, their fields at the nodes of the mesh, and the state of all places."""
         fields = self._handle("contacts").contact(step)
         pair_of, shown = fields.pop("contact"), fields.pop("shown")
+        turned, turns = fields.pop("turned"), fields.pop("turns")
         fields["state"] = np.array(fields["state"], dtype=np.str_)
         places, d = fields["points"].shape
         for name, shape in {"traction": (places, d - 1), "slip": (places, d - 1), "tangents": (places, d - 1, d)}.items():
@@ -587,12 +588,16 @@ class Solution:
             f"contact_{name}": _scattered(shown, of_places, none)
             for name, of_places, none in [
                 ("pressure", fields["pressure"], 0.0),
-                ("traction", _in_space(fields["traction_vectors"]), 0.0),
-                ("slip", _in_space(slip), 0.0),
+                ("traction", fields["traction_vectors"], 0.0),
+                ("slip", slip, 0.0),
                 ("gap", fields["gap"], np.nan),
                 ("status", status, 0),
             ]
         }
+        for name in ("contact_traction", "contact_slip"):
+            vectors = at_nodes[name]
+            vectors[turned] = np.einsum("kij,kj->ki", turns.reshape(-1, d, d), vectors[turned])
+            at_nodes[name] = _in_space(vectors)
         reports = self.report["steps"][step]["contacts"]
         names = contact_names([(one["name"], one["boundary"], one["against"]) for one in reports])
         contacts = {}

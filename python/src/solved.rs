@@ -216,7 +216,7 @@ impl Solved {
         {
             let made = at(&run.steps, step)?;
             let there = made.of(analysis);
-            let (fields, vectors, states, shown) =
+            let (fields, vectors, states, shown, turns) =
                 of_bodies(py, analysis, (step, made), |elastic, data| {
                     let solution = &made.solution;
                     let fields = ContactFields::new(there.problem, elastic, data, solution);
@@ -229,10 +229,12 @@ impl Solved {
                     let states: Vec<&str> = (0..count).map(|i| fields.status[i].name()).collect();
                     // The place that each node shows.
                     let mut shown = vec![-1; elastic.mesh.nodes.len()];
+                    let mut turns = Vec::new();
                     for (node, i) in shown_at_nodes(elastic, &fields, None) {
                         shown[node as usize] = i as i64;
+                        turns.extend(elastic.turn_to(i, node).map(|turn| (node, turn)));
                     }
-                    (fields, vectors, states, shown)
+                    (fields, vectors, states, shown, turns)
                 })?;
             let elastic = there.elastic.expect("it has bodies");
             let places = &elastic.contact.places;
@@ -259,6 +261,10 @@ impl Solved {
             all.set_item("traction_vectors", table(py, &vectors)?)?;
             all.set_item("state", states)?;
             all.set_item("shown", flat(py, shown))?;
+            // Of vectors, to nodes beyond the side of a sector.
+            let (turned, turns): (Vec<u32>, Vec<[[f64; D]; D]>) = turns.into_iter().unzip();
+            all.set_item("turned", flat(py, turned))?;
+            all.set_item("turns", table(py, &turns.concat())?)?;
             all.set_item("contact", flat(py, elastic.pair_of.clone()))?;
             Ok(all)
         }

@@ -788,6 +788,27 @@ def test_point_sets_of_meshio_are_sets_of_nodes() -> None:
         signorini.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, node_sets={"far": [99]})
 
 
+def test_both_sides_of_a_sector_have_their_own_vectors() -> None:
+    """A place at the side of a sector is at a node of either side; its traction turns with the sector."""
+    parts = {}
+    for name, low, high in [("shaft", 0.4, 1.0), ("hub", 1.0, 1.6)]:
+        r = f"({low} + {high - low} * x)"
+        around = [f"{r} * cos(pi / 4 * y)", f"{r} * sin(pi / 4 * y)"]
+        parts[name] = signorini.rectangle([1, 1], [2, 4], map=around)
+    model = signorini.Model(signorini.Mesh.join(parts))
+    for name in parts:
+        model.cyclic(f"{name}-bottom", f"{name}-top", {"point": [0, 0]}, 8)
+    model.material(young=1e3, poisson=0.3)
+    model.support("shaft-left", x=0, y=0).support("hub-right", x=0, y=0)
+    model.contact("shaft-right", against="hub-left", interference=0.01)
+    data = model.solve().to_meshio()
+    traction, pressure = data.point_data["contact_traction"][:, :2], data.point_data["contact_pressure"]
+    at = np.isclose(np.linalg.norm(data.points[:, :2], axis=1), 1.0) & (data.point_data["contact_status"] == 4)
+    assert at.sum() >= 5
+    inwards = -np.einsum("kc,kc->k", traction[at], data.points[at, :2])
+    np.testing.assert_allclose(inwards, pressure[at], rtol=1e-3)
+
+
 def test_fields_and_groups_are_passed_on() -> None:
     """Fields at contacts, regions and boundaries reach meshio and PyVista, and come back from there."""
     solution = standing(signorini.Mesh.from_meshio(grid(False)))

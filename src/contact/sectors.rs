@@ -239,9 +239,23 @@ impl<const D: usize> ContactPlace<D> {
 
     /// The nodes that one of its nodes is, two on the sides of sectors: those of the mesh of one sector, or of one with all images.
     pub(crate) fn nodes_of(&self, image: u32, mesh: usize) -> impl Iterator<Item = u32> {
+        (self.with_twin(image)).map(move |image| self.node_in(image, mesh))
+    }
+
+    fn with_twin(&self, image: u32) -> impl Iterator<Item = u32> {
         let twin = self.sectors.as_ref().and_then(|all| all.twin(image));
-        let both = std::iter::once(image).chain(twin);
-        both.map(move |image| self.node_in(image, mesh))
+        std::iter::once(image).chain(twin)
+    }
+
+    /// The turn of its vectors to a node of its own side in a mesh of so many nodes, if that is elsewhere: of an image, or on the
+    /// other side of its sector.
+    pub(crate) fn turn_to(&self, node: u32, mesh: usize) -> Option<[[f64; D]; D]> {
+        let all = self.sectors.as_ref()?;
+        let mut images = self.own.iter().flat_map(|own| self.with_twin(own.0));
+        let image = images.find(|&image| self.node_in(image, mesh) == node)?;
+        let axis = |c: usize| from_fn(|d| f64::from(u8::from(c == d)));
+        let columns: [[f64; D]; D] = from_fn(|c| all.back(axis(c), all.of(image).1));
+        ((image as usize) >= mesh).then(|| from_fn(|r| from_fn(|c| columns[c][r])))
     }
 
     /// The node that one of its nodes is in a mesh of so many nodes: one of all images, or of one sector.

@@ -14,7 +14,7 @@ use crate::elasticity::{Body, Material, Unknowns, assemble, vertices};
 use crate::mesh::{Cut, ElementKind, Mesh, Topology};
 use crate::problem::{ContactData, ContactProblem, LoadCase, Vertices};
 use crate::sparse::BlockCsr;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use web_time::Instant;
 
 /// A model ready to be solved: the contact problem, and its bodies.
@@ -248,6 +248,8 @@ where
             sliding,
             loose: Vec::new(),
             glued: Vec::new(),
+            at_nodes: Vec::new(),
+            turns: HashMap::new(),
             pairs: candidates.pairs,
             pair_of,
             units: definition.units(),

@@ -9,6 +9,7 @@ use super::{Axis, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
 use crate::mesh::{ElementKind, Mesh, Topology};
+use std::collections::HashMap;
 
 /// The elastic side of a problem: the basis of its results.
 #[derive(Clone, Debug)]
@@ -62,12 +63,44 @@ where
     pub(crate) loose: Vec<LooseBody>,
     /// The ties that are a part of K there.
     pub(super) glued: Vec<Glue>,
+    /// On a rank, [`Elastic::at_nodes`] and [`Elastic::turn_to`] where sectors repeat themselves: it does not know their sides. Empty
+    /// else.
+    pub(super) at_nodes: Vec<(u32, u32, f64)>,
+    pub(super) turns: HashMap<(u32, u32), [[f64; D]; D]>,
 }
 
 impl<const D: usize> Elastic<D>
 where
     ElementKind: Topology<D>,
 {
+    /// The nodes at which contact places are, with their parts in them: place, node, part. Both nodes on the sides of a sector, and a
+    /// node that is the place more than any other.
+    pub(crate) fn at_nodes(&self) -> Vec<(u32, u32, f64)> {
+        if !self.at_nodes.is_empty() {
+            return self.at_nodes.clone();
+        }
+        let count = self.mesh.nodes.len();
+        let each = (0..).zip(&self.contact.places).flat_map(|(i, place)| {
+            let own = place.own.iter().filter(|own| own.1 > 0.0);
+            own.flat_map(move |&(image, weight)| {
+                let part = match place.node == Some(image) {
+                    true => f64::INFINITY,
+                    false => weight,
+                };
+                place
+                    .nodes_of(image, count)
+                    .map(move |node| (i, node, part))
+            })
+        });
+        each.collect()
+    }
+
+    /// The turn of the vectors of contact place i to a node at which it is, beyond the side of a sector.
+    pub fn turn_to(&self, i: usize, node: u32) -> Option<[[f64; D]; D]> {
+        let known = self.turns.get(&(i as u32, node)).copied();
+        known.or_else(|| self.contact.places[i].turn_to(node, self.mesh.nodes.len()))
+    }
+
     /// The body as the elasticity functions want it.
     pub fn body(&self) -> Body<'_, D> {
         Body {

@@ -131,6 +131,9 @@ pub(crate) struct Part {
     /// are others, and the node that a place is.
     sides: Vec<[Vec<(u32, u32, f64)>; 2]>,
     place_nodes: Vec<(u32, u32)>,
+    /// [`Elastic::at_nodes`], where there are sectors, and [`Elastic::turn_to`].
+    at_nodes: Vec<(u32, u32, f64)>,
+    turns: Vec<(u32, u32, Vec<f64>)>,
     /// Further nodes in rows: place, direction, node, vector.
     further: Vec<(u32, u32, u32, Vec<f64>)>,
     /// The connected part of K of each own block.
@@ -278,6 +281,8 @@ where
     values: Vec<Vec<f64>>,
     /// Step by step the nodes that have forces, in their order, and those.
     forces: Vec<(Vec<u32>, Vec<[f64; D]>)>,
+    /// [`Elastic::at_nodes`], where there are sectors.
+    at_nodes: Vec<(u32, u32, f64)>,
     pub common: Common,
 }
 
@@ -407,6 +412,10 @@ where
             held,
             values,
             forces,
+            at_nodes: match contact.places.iter().any(|place| place.sectors.is_some()) {
+                true => elastic.at_nodes(),
+                false => Vec::new(),
+            },
             common,
         })
     }
@@ -538,6 +547,13 @@ where
             }
             let node = place.node.and_then(local);
             part.place_nodes.extend(node.map(|node| (i, node)));
+        }
+        for &(i, node, share) in &self.at_nodes {
+            let Some(here) = local(node) else { continue };
+            part.at_nodes.push((i, here, share));
+            let turn = elastic.turn_to(i as usize, node);
+            part.turns
+                .extend(turn.map(|turn| (i, here, turn.as_flattened().to_vec())));
         }
 
         let with_block = || {
@@ -894,6 +910,10 @@ where
             sliding: Sliding::default(),
             loose: Vec::new(),
             glued: Vec::new(),
+            at_nodes: std::mem::take(&mut part.at_nodes),
+            turns: (std::mem::take(&mut part.turns).into_iter())
+                .map(|(i, node, turn)| ((i, node), rows(&turn)))
+                .collect(),
             // Rank 0 keeps the others and puts them here.
             pairs: common.kinds.iter().map(PairData::known).collect(),
             pair_of: common.pair_of.clone(),

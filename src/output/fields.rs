@@ -291,7 +291,8 @@ where
     ElementKind: Topology<D>,
 {
     let mut shown: HashMap<u32, (f64, usize)> = HashMap::new();
-    for (i, place) in elastic.contact.places.iter().enumerate() {
+    for (i, node, part) in elastic.at_nodes() {
+        let i = i as usize;
         let is_shown = match pair {
             Some(pair) => elastic.pair_of[i] as usize == pair,
             // Equations and supports have no stresses.
@@ -300,21 +301,9 @@ where
         if !is_shown {
             continue;
         }
-        let own = place.own.iter().filter(|own| own.1 > 0.0);
-        let n_nodes = elastic.mesh.nodes.len();
-        let own = own.flat_map(|&(image, weight)| {
-            // A node that is a place shows that one, whatever share others have in it.
-            let part = match place.node == Some(image) {
-                true => f64::INFINITY,
-                false => weight,
-            };
-            (place.nodes_of(image, n_nodes)).map(move |node| (node, part))
-        });
-        for (node, part) in own {
-            let held = shown.entry(node).or_insert((part, i));
-            if part > held.0 || part == held.0 && contact.pressure[i] > contact.pressure[held.1] {
-                *held = (part, i);
-            }
+        let held = shown.entry(node).or_insert((part, i));
+        if part > held.0 || part == held.0 && contact.pressure[i] > contact.pressure[held.1] {
+            *held = (part, i);
         }
     }
     shown.into_iter().map(|(node, (_, i))| (node, i)).collect()

@@ -387,7 +387,7 @@ y = -5e5
 
 /// An eighth of a shaft that is pressed into a hub and turned in it: that of the hub begins elsewhere, so that both meet beyond the
 /// sides of the other.
-const FIT: &str = r#"
+pub const FIT: &str = r#"
 title = "sectors of a fit"
 [[mesh.part]]
 name = "shaft"

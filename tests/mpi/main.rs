@@ -208,12 +208,16 @@ fn the_same_bits() {
     }
 }
 
-/// The pieces of all ranks have the elements of the whole mesh, and displacements and stresses at its nodes as in one process, also
-/// where elements of several ranks meet, and with temperatures.
+/// The pieces of all ranks have the elements of the whole mesh, and displacements, stresses and pressures at its nodes as in one process,
+/// also where elements of several ranks meet, with temperatures, and at the sides of sectors.
 fn pieces_are_whole() {
     pieces_of(&example("press.toml"), 4, "");
     let place = tempfile::tempdir().expect("a directory");
-    for (name, step) in [(kinds::WARM, "-002"), (kinds::NODAL, "")] {
+    for (name, step) in [
+        (kinds::WARM, "-002"),
+        (kinds::NODAL, ""),
+        (kinds::FIT, "-002"),
+    ] {
         pieces_of(&kinds::case(name, place.path()), 3, step);
     }
 }
@@ -232,7 +236,7 @@ fn pieces_of(case: &Path, ranks: usize, step: &str) {
     let index = std::fs::read_to_string(index).expect("an index");
     let mut cells = 0;
     // Stresses are as accurate as pressures.
-    let accuracies = [10.0 * TOLERANCE, NODAL];
+    let accuracies = [10.0 * TOLERANCE, NODAL, NODAL];
     for rank in 0..ranks {
         let name = format!("solution{step}-p{rank}.vtu");
         assert!(

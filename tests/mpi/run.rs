@@ -225,7 +225,7 @@ impl Solved {
 /// A field of a grid at a node: its number in [`FIELDS`], and a component.
 type Value1 = (usize, f64);
 
-const FIELDS: [&str; 2] = ["displacement", "stress"];
+const FIELDS: [&str; 3] = ["displacement", "stress", "contact_pressure"];
 
 /// Points of a grid with their data.
 pub struct Grid {
