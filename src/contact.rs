@@ -20,7 +20,7 @@ pub use crate::constraint::SlipBound;
 pub(crate) use crossing::{crosses_itself, enclosed};
 pub use equal::equal_nodes;
 pub use mortar::{Excluded, Itself, Mortar, MortarContact, Unmet, Wall, mortar_contact, walls};
-pub(crate) use mortar::{are_excluded, is_straight, nodes_around, smooth_parts_of};
+pub(crate) use mortar::{are_excluded, is_straight, nodes_around, ridge, smooth_parts_of};
 pub use nodes::{Met, node_contact};
 pub(crate) use nodes::{areas, shares};
 pub use obstacle::{Obstacle, obstacle_contact};

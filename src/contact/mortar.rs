@@ -46,6 +46,7 @@
 //! Weights Mᵢⱼ/Dᵢ add up to 1, so that the contact forces of a pair add up to zero. Rows may depend on each other where several
 //! parts of the master boundary are under one facet; forces are still unique.
 
+mod bulge;
 mod flat;
 mod hull;
 mod itself;
@@ -62,6 +63,8 @@ use crate::dense;
 use crate::elasticity::{Body, Depth, Plane};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Topology, bounds, facet_nodes};
+use bulge::Bulge;
+pub(crate) use bulge::{is_straight, ridge};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore as _;
 pub(crate) use itself::are_excluded;
@@ -71,8 +74,8 @@ use places::Places;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
-use surface::{Bulge, Surface};
-pub(crate) use surface::{is_straight, nodes_around, smooth_parts_of};
+use surface::Surface;
+pub(crate) use surface::{nodes_around, smooth_parts_of};
 
 pub use super::search::Beam;
 
@@ -816,6 +819,30 @@ fn without_slivers<const D: usize>(covers: &mut Vec<Cover<D>>) {
     covers.retain(|cover| cover.is_whole || size(cover) > MISSED * whole);
 }
 
+/// 0 for facets whose corners are opposite to each other, 1 beyond a part of the shortest edge that rises: facets of meshes that match deviate alike
+/// from a surface, whatever is known of it.
+fn apart<const D: usize>(slave: &SlaveFacet<D>, other: &MasterFacet<D>) -> f64 {
+    /// Known curvatures of both sides differ by some hundredths, rises thus by as much as those of facets this far apart.
+    const MATCH: f64 = 0.1;
+    let both = [
+        &slave.nodes[..slave.bulge.corners],
+        &other.places[..other.bulge.corners],
+    ];
+    let across = |a: [f64; D], b: [f64; D]| -> f64 {
+        let way = minus(a, b);
+        let part = dot(way, slave.normal);
+        let across: [f64; D] = std::array::from_fn(|c| way[c] - part * slave.normal[c]);
+        length(across)
+    };
+    let off = |from: &[[f64; D]], to: &[[f64; D]]| {
+        let nearest = |a: &[f64; D]| to.iter().map(|b| across(*a, *b)).fold(f64::MAX, f64::min);
+        from.iter().map(nearest).fold(0.0, f64::max)
+    };
+    let shortest = (slave.bulge.shortest(both[0])).min(other.bulge.shortest(both[1]));
+    let off = off(both[0], both[1]).min(off(both[1], both[0]));
+    (off / (MATCH * shortest)).min(1.0)
+}
+
 /// The integrals over one facet of the slave boundary. (One function, because all of them are sums over the same
 /// points.)
 fn integrate<const D: usize>(
@@ -846,9 +873,25 @@ where
             let faces = (slave.bulge).faces(slave.normal, &other.bulge, other.normal);
             slave.bulge.fits(&other.bulge) && faces
         });
-        for point in cover.points.iter_mut().filter(|_| is_round) {
+        for point in &mut cover.points {
             let other = &near[point.other];
-            point.distance -= slave.bulge.at(&point.slave) + other.bulge.at(&point.master);
+            if is_round {
+                point.distance -= slave.bulge.at(&point.slave) + other.bulge.at(&point.master);
+            } else if !slave.is_tied
+                && slave.bulge.is_known
+                && other.bulge.is_known
+                && (slave.bulge).faces(slave.normal, &other.bulge, other.normal)
+            {
+                let flat = point.distance;
+                let rises = slave.bulge.rise(&point.slave) + other.bulge.rise(&point.master);
+                if rises != 0.0 {
+                    point.distance -= rises * apart(slave, other);
+                }
+                // Facets that are drawn as touching do so.
+                if flat >= -rounding && !options.may_overlap() {
+                    point.distance = point.distance.max(0.0);
+                }
+            }
         }
         let depths = cover.points.iter().map(|point| -point.distance);
         all.deepest = depths.fold(all.deepest, f64::max);

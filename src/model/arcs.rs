@@ -1,7 +1,7 @@
 //! Sides of a contact that are drawn as arcs about one axis (or as parts of balls about one point). Between their facets the gap
 //! varies by the deviation of the facets from the arcs, which is an artefact of the mesh.
 
-use crate::contact::{Centre, Space, fit, frame, is_straight, smooth_parts_of};
+use crate::contact::{Centre, Space, fit, frame, is_straight, ridge, smooth_parts_of};
 use crate::dense::{least_squares, symmetric_eigen};
 use crate::mesh::vector::{dot, length, minus, unit};
 use crate::mesh::{ElementKind, Facet, Mesh, Topology, facet_corners, facet_nodes};
@@ -297,12 +297,8 @@ where
             std::array::from_fn(|c| sum[c] + x[c] / count)
         });
         let normal = mesh.facet_normal(facet).1;
-        for (k, &a) in corners.iter().enumerate() {
-            let b = match D {
-                2 => a,
-                _ => corners[(k + 1) % corners.len()],
-            };
-            let here = at.entry([a.min(b), a.max(b)]).or_default();
+        for k in 0..corners.len() {
+            let here = at.entry(ridge::<D>(corners, k)).or_default();
             here.push(Side {
                 number,
                 middle,

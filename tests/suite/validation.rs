@@ -296,7 +296,7 @@ fn hertz_errors(cells: usize, sides: &str) -> (f64, f64) {
 fn hertz_converges_with_h() {
     for sides in [ON_THE_PLATE, ON_THE_DISC] {
         let (coarse, fine) = (hertz_errors(20, sides), hertz_errors(160, sides));
-        assert!(fine.0.abs() < 0.3 * coarse.0.abs(), "{coarse:?} {fine:?}");
+        assert!(fine.0.abs() < 0.35 * coarse.0.abs(), "{coarse:?} {fine:?}");
         assert!(fine.0.abs() < 0.006 && fine.1.abs() < 0.005, "{fine:?}");
     }
 }

@@ -1,11 +1,11 @@
 //! A boundary of a pair: its facets, the smooth parts that sharp edges cut it into, and its averaged normals.
 
+use super::bulge::{Bulge, ridge};
 use super::{MasterFacet, Mortar, PairOptions, SlaveFacet};
 use crate::contact::search::Search;
-use crate::contact::{Centre, ContactError, FITTING, fit};
+use crate::contact::{Centre, ContactError};
 use crate::elasticity::{Depth, Depths};
-use crate::mesh::shape::sum;
-use crate::mesh::vector::{dot, length, minus, unit};
+use crate::mesh::vector::{dot, length, unit};
 use crate::mesh::{ElementKind, Facet, Groups, Mesh, Topology, facet_corners, facet_nodes};
 use crate::rigid::Rotation;
 use std::collections::{BTreeSet, HashMap};
@@ -105,12 +105,7 @@ where
             measure,
             outward,
             slack: slack.collect(),
-            bulge: (facets.iter().enumerate())
-                .map(|(number, facet)| {
-                    let centre = centres.get(number).and_then(Option::as_ref);
-                    Bulge::of([rest, mesh], facet, centre)
-                })
-                .collect(),
+            bulge: Bulge::all([rest, mesh], facets, &part, options, centres),
             part,
             depth: (facets.iter())
                 .map(|facet| depths.of(facet_nodes(facet)))
@@ -156,114 +151,6 @@ where
     /// The averaged normal of a smooth part at one of its nodes.
     pub fn normal(&self, node: u32, part: u32) -> [f64; D] {
         self.normals[&(node, part)]
-    }
-}
-
-/// The directions of both radii at a point of contact of round sides that fit differ by less than this, in rad: by half as much where
-/// one lies in the other, and more where it lies on the end of a partial arc.
-const RADII_DIFFER: f64 = 2.0 * FITTING;
-
-/// The nodes of a facet beside its corners, by their numbers in it, each with those between which it is: two corners, or all of them.
-fn midside<F: AsRef<[u32]>>(facet: &F) -> impl Iterator<Item = (usize, Vec<usize>)> {
-    let (corners, nodes) = (facet_corners(facet).len(), facet_nodes(facet).len());
-    (corners..nodes).map(move |node| match node - corners {
-        k if k < corners => (node, vec![k, (k + 1) % corners]),
-        _ => (node, (0..corners).collect()),
-    })
-}
-
-/// Whether its edges are straight: of first order, or with nodes in the middle between the corners, as where a mesh of first order is
-/// raised.
-pub(crate) fn is_straight<const D: usize>(mesh: &Mesh<D>, facet: &Facet<D>) -> bool
-where
-    ElementKind: Topology<D>,
-{
-    /// As a part of the distance of the corners: coordinates have six digits at least.
-    const STRAIGHT: f64 = 1e-5;
-    let (x, _) = mesh.places_of(facet);
-    midside(facet).all(|(node, ends)| {
-        let count = ends.len() as f64;
-        let mean = std::array::from_fn(|c| ends.iter().map(|&k| x[k][c]).sum::<f64>() / count);
-        let size = length(minus(x[ends[1]], x[ends[0]]));
-        length(minus(x[node], mean)) <= STRAIGHT * size
-    })
-}
-
-/// The deviation of a facet of a round side from the arc through its nodes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bulge<const D: usize> {
-    /// At rest from the axis or centre to its nodes; zero where the side is not round.
-    radii: [[f64; D]; 9],
-    /// The lengths of these; at a node in the middle between others the mean of theirs.
-    lengths: [f64; 9],
-    /// Half the angle between those of its corners, in rad.
-    half_angle: f64,
-    /// [`Centre::radius`]; 0 where the side is not round.
-    radius: f64,
-    /// How far it has been stretched around the axis.
-    stretch: f64,
-}
-
-impl<const D: usize> Bulge<D> {
-    fn of([rest, now]: [&Mesh<D>; 2], facet: &Facet<D>, centre: Option<&Centre<D>>) -> Self
-    where
-        ElementKind: Topology<D>,
-    {
-        let mut bulge = Self {
-            radii: [[0.0; D]; 9],
-            lengths: [0.0; 9],
-            half_angle: 0.0,
-            radius: 0.0,
-            stretch: 1.0,
-        };
-        let Some(centre) = centre else {
-            return bulge;
-        };
-        bulge.radius = centre.radius;
-        let radii = &mut bulge.radii;
-        for (radius, &node) in radii.iter_mut().zip(facet_nodes(facet)) {
-            *radius = centre.radius_to(rest.nodes[node as usize]);
-        }
-        bulge.lengths = radii.map(length);
-        if is_straight(rest, facet) {
-            for (node, ends) in midside(facet) {
-                let all = ends.iter().map(|&k| bulge.lengths[k]);
-                bulge.lengths[node] = all.sum::<f64>() / ends.len() as f64;
-            }
-        }
-        // Along that way between corners which goes most around the axis.
-        let corners = facet_corners(facet);
-        let mut around = 0.0;
-        for (k, &b) in corners.iter().enumerate() {
-            for (j, &a) in corners[..k].iter().enumerate() {
-                let [long, longer] = [rest, now]
-                    .map(|mesh| length(minus(mesh.nodes[b as usize], mesh.nodes[a as usize])));
-                let part = length(minus(radii[k], radii[j])) / long;
-                let cos = dot(unit(radii[k]), unit(radii[j])).clamp(-1.0, 1.0);
-                bulge.half_angle = bulge.half_angle.max(0.5 * cos.acos());
-                if part > around {
-                    (around, bulge.stretch) = (part, longer / long);
-                }
-            }
-        }
-        bulge
-    }
-
-    pub fn fits(&self, other: &Self) -> bool {
-        fit(self.radius, other.radius)
-    }
-
-    /// Whether these facets, with their normals, may meet at a point where the directions of both radii hardly differ.
-    pub fn faces(&self, normal: [f64; D], other: &Self, there: [f64; D]) -> bool {
-        let most = RADII_DIFFER + self.half_angle + other.half_angle;
-        -dot(normal, there) >= most.min(std::f64::consts::PI).cos()
-    }
-
-    /// How far the arc is outside the facet at these φ of its nodes.
-    pub fn at(&self, shape: &[f64; 9]) -> f64 {
-        let each = self.lengths.iter().zip(shape);
-        let radius: f64 = each.map(|(length, phi)| phi * length).sum();
-        self.stretch * self.radius.signum() * (radius - length(sum(shape, &self.radii)))
     }
 }
 
@@ -401,14 +288,13 @@ where
     for ((number, facet), normals) in (0..).zip(facets).zip(at_nodes) {
         let corners = facet_corners(facet);
         let is_curved = facet_nodes(facet).len() > corners.len();
-        for (k, &node) in corners.iter().enumerate() {
-            // In the plane neighbours have a node in common.
-            let (next, met) = match D {
-                2 => (node, k),
-                _ if is_curved => (corners[(k + 1) % corners.len()], corners.len() + k),
-                _ => (corners[(k + 1) % corners.len()], k),
+        for k in 0..corners.len() {
+            let met = if D == 3 && is_curved {
+                corners.len() + k
+            } else {
+                k
             };
-            let beside = at_edge.entry([node.min(next), node.max(next)]).or_default();
+            let beside = at_edge.entry(ridge::<D>(corners, k)).or_default();
             for &(other, normal) in &*beside {
                 if dot(normals[met], normal) >= least {
                     groups.join(other, number);

@@ -231,7 +231,7 @@ fn a_punch_is_pressed_in_as_hertz_has_it() {
     }
     for part_of in [5.0, 3.0] {
         let [coarse, fine] = [1, 2].map(|fine| force(part_of, true, fine));
-        assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
+        assert!((coarse / fine - 1.0).abs() < 4e-3, "{coarse} {fine}");
     }
 }
 

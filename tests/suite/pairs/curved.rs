@@ -1,13 +1,15 @@
 //! Curved faces of second order: a wavy interface under pressure from all sides, and rings of the plane pressed into each
-//! other.
+//! other. Curved sides of first order that are no arcs.
 
 use crate::common::models::answer;
 use crate::common::order::{Order, of_order};
 use crate::common::space::Vector;
 use crate::common::{built, case, solve_case};
+use signorini::contact::Space;
 use signorini::elasticity::Material;
 use signorini::engine::Stiffness;
-use signorini::mesh::structured::{SolidShape, block, join};
+use signorini::mesh::structured::{CellShape, SolidShape, block, join, rectangle};
+use signorini::mesh::{ElementKind, Mesh};
 use signorini::model::{Model, Pair, Support, Traction};
 use std::f64::consts::PI;
 
@@ -133,6 +135,90 @@ fn rings_pressed_into_each_other() {
                 mean < limits[0] && scatter < limits[1],
                 "{mean:e} {scatter:e}"
             );
+        }
+    }
+}
+
+/// The sum of the normal forces on a pin in a hole whose inside moves by 0.02.
+fn pin_in_a_hole<const D: usize>(parts: [Mesh<D>; 2], sides: [&str; 2]) -> f64
+where
+    ElementKind: Space<D>,
+{
+    let [pin, hole] = parts;
+    let model = Model::on(join(pin, hole))
+        .material(Material::new(1000.0, 0.3))
+        .support(Support::on(["hole-right"]).fixed())
+        .support(Support::on(["pin-left"]).fixed().x(0.02))
+        .contact(Pair::new([sides[0]], [sides[1]]));
+    let found = answer(model, 1e-9, Stiffness::Cholesky);
+    found.solution.lambda[..found.m()].iter().sum()
+}
+
+/// Half a pin in the round end of a slot, and in a hole with its taper: neither side is an arc as a whole. Whichever facets meet,
+/// and whichever side is named first, forces are those of fine meshes.
+#[test]
+fn smooth_sides_need_not_be_arcs() {
+    let ring = |name: &str, [from, to]: [f64; 2], cells: usize, straight: f64| {
+        let prefix = format!("{name}-");
+        let mut mesh = rectangle(
+            [0.0; 2],
+            [1.0; 2],
+            [6, cells],
+            CellShape::Quad,
+            name,
+            &prefix,
+        );
+        for x in &mut mesh.nodes {
+            let (r, along) = (from + (to - from) * x[0], (1.0 + straight) * (x[1] - 0.5));
+            let angle = along.clamp(-0.5, 0.5);
+            let (sin, cos) = (PI * angle).sin_cos();
+            *x = [r * cos - PI * (along - angle).abs(), r * sin];
+        }
+        mesh
+    };
+    let slot = |cells: [usize; 2], sides| {
+        let parts = [
+            ring("pin", [0.4, 0.99], cells[0], 0.0),
+            ring("hole", [1.0, 2.0], cells[1], 1.0),
+        ];
+        pin_in_a_hole(parts, sides)
+    };
+    let cone = |shape, cells: [usize; 2], taper: f64, sides| {
+        let part = |name: &str, [from, to]: [f64; 2], cells| {
+            let (size, cells, prefix) = ([1.0, 1.0, 0.6], [3, cells, 3], format!("{name}-"));
+            let mut mesh = block([0.0; 3], size, cells, shape, name, &prefix);
+            for x in &mut mesh.nodes {
+                let r = (from + (to - from) * x[0]) * (1.0 + taper * x[2]);
+                let (sin, cos) = (PI * (x[1] - 0.5)).sin_cos();
+                *x = [r * cos, r * sin, x[2]];
+            }
+            mesh
+        };
+        let parts = [
+            part("pin", [0.4, 0.99], cells[0]),
+            part("hole", [1.0, 2.0], cells[1]),
+        ];
+        pin_in_a_hole(parts, sides)
+    };
+    let sides = ["pin-right", "hole-left"];
+    let fine = slot([96, 160], sides);
+    for sides in [sides, ["hole-left", "pin-right"]] {
+        for cells in [[20, 48], [14, 64]] {
+            let force = slot(cells, sides);
+            println!("slot, {cells:?}, {}: {force:.3} for {fine:.3}", sides[0]);
+            assert!((force / fine - 1.0).abs() < 0.02, "{force} for {fine}");
+        }
+        for shape in [SolidShape::Hexahedron, SolidShape::Tetrahedron] {
+            // Cylinders are arcs. The taper makes the gap, too, 1 % larger at one end.
+            let expected = cone(shape, [16, 12], 0.0, sides);
+            for cells in [[16, 12], [12, 15]] {
+                let force = cone(shape, cells, 0.02, sides);
+                println!("cone, {shape:?}, {cells:?}: {force:.3} for {expected:.3}");
+                assert!(
+                    (force / expected - 1.0).abs() < 0.02,
+                    "{force} for {expected}"
+                );
+            }
         }
     }
 }
