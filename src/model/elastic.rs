@@ -75,7 +75,7 @@ where
 {
     /// The nodes at which contact places are, with their parts in them: place, node, part. Both nodes on the sides of a sector, and a
     /// node that is the place more than any other.
-    pub(crate) fn at_nodes(&self) -> Vec<(u32, u32, f64)> {
+    pub fn at_nodes(&self) -> Vec<(u32, u32, f64)> {
         if !self.at_nodes.is_empty() {
             return self.at_nodes.clone();
         }
