@@ -877,8 +877,7 @@ where
             let other = &near[point.other];
             if is_round {
                 point.distance -= slave.bulge.at(&point.slave) + other.bulge.at(&point.master);
-            } else if !slave.is_tied
-                && slave.bulge.is_known
+            } else if slave.bulge.is_known
                 && other.bulge.is_known
                 && (slave.bulge).faces(slave.normal, &other.bulge, other.normal)
             {

@@ -1,6 +1,6 @@
 //! The deviation of flat facets from the smooth surface that they approximate.
 
-use crate::contact::{Centre, FITTING, PairOptions, fit, frame};
+use crate::contact::{Centre, FITTING, Friction, PairOptions, fit, frame};
 use crate::dense::{pseudo_inverse, symmetric_eigen};
 use crate::mesh::shape::sum;
 use crate::mesh::vector::{dot, length, minus, unit};
@@ -24,7 +24,9 @@ const ALONG: f64 = 0.866;
 const ACROSS: f64 = 0.05;
 /// Curvatures below this part of the largest at a node are what its neighbours leave of nothing.
 const NONE: f64 = 0.1;
-/// What turns by less than this from a node to the next, in rad, is flat: coordinates have six digits at least.
+/// Places in files are no more accurate than this, as a part of the distance of nodes: six digits at least.
+const WRITTEN: f64 = 2e-6;
+/// What turns by less than this from a node to the next, in rad, is flat.
 const FLAT: f64 = 1e-3;
 /// Differences of curvatures on both sides of a node are even if the smaller one is more than this part of the other one.
 const EVEN: f64 = 0.3;
@@ -299,10 +301,18 @@ impl<const D: usize> Bend<D> {
             Some(second) => vec![[first; 2], [second; 2], [first, second]],
             None => vec![[first; 2]],
         };
-        let size = places
-            .iter()
-            .map(|place| length(place.0))
-            .fold(0.0, f64::max);
+        let sizes = places.iter().map(|place| length(place.0));
+        let size = sizes.fold(0.0, f64::max);
+        let flat = Self {
+            curvature: [[0.0; D]; D],
+            normal,
+            along: (D == 3 && bent.len() == 1).then_some(first),
+            planes,
+            size,
+        };
+        if places.iter().all(|place| place.1.abs() <= WRITTEN * size) {
+            return Some(flat);
+        }
         let slopes = [Some(first), second];
         let row = |place: [f64; D]| -> Vec<f64> {
             let slopes = slopes.iter().flatten().map(|way| dot(*way, place) / size);
@@ -322,7 +332,7 @@ impl<const D: usize> Bend<D> {
             rows.iter().map(|(row, depth)| row[i] * depth).sum::<f64>()
         });
         let found = pseudo_inverse(&normal_matrix, 1e-9) * right;
-        let mut curvature = [[0.0; D]; D];
+        let mut curvature = flat.curvature;
         for (k, [a, b]) in bent.iter().enumerate() {
             let value = found[(count - bent.len() + k, 0)] / (size * size);
             for i in 0..D {
@@ -333,13 +343,7 @@ impl<const D: usize> Bend<D> {
             }
         }
         let is_finite = curvature.as_flattened().iter().all(|v| v.is_finite());
-        is_finite.then_some(Self {
-            curvature,
-            normal,
-            along: (D == 3 && bent.len() == 1).then_some(first),
-            planes,
-            size,
-        })
+        is_finite.then_some(Self { curvature, ..flat })
     }
 
     /// Of all nodes in `around` that have one, with their averaged normals in each part.
@@ -385,7 +389,9 @@ impl<const D: usize> Smooth<D> {
         ElementKind: Topology<D>,
     {
         let mut around: HashMap<Node, BTreeSet<u32>> = HashMap::new();
-        for (facet, part) in facets.iter().zip(part) {
+        // Ties have the gap of facets.
+        let is_tied = matches!(options.friction, Friction::Tied);
+        for (facet, part) in facets.iter().zip(part).filter(|_| !is_tied) {
             if is_straight(mesh, facet) {
                 let corners = facet_corners(facet);
                 for &node in corners {
@@ -484,6 +490,9 @@ impl<const D: usize> Smooth<D> {
     where
         ElementKind: Topology<D>,
     {
+        if bend.curvature.as_flattened().iter().all(|v| *v == 0.0) {
+            return Vec::new();
+        }
         let matrix = Mat::from_fn(D, D, |i, j| bend.curvature[i][j]);
         let Some((values, vectors)) = symmetric_eigen(&matrix) else {
             return Vec::new();
