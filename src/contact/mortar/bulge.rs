@@ -221,18 +221,17 @@ struct Bend<const D: usize> {
     size: f64,
 }
 
-/// A vector and its images in planes.
+/// A vector and its images in planes that are perpendicular to each other.
 fn images<const D: usize>(v: [f64; D], planes: &[[f64; D]]) -> impl Iterator<Item = [f64; D]> {
-    let mut all = vec![v];
-    for plane in planes {
-        let beyond = all.iter().map(|v| {
-            let off = dot(*v, *plane);
-            std::array::from_fn(|c| v[c] - 2.0 * off * plane[c])
-        });
-        let beyond: Vec<[f64; D]> = beyond.collect();
-        all.extend(beyond);
-    }
-    all.into_iter()
+    let in_plane = |v: [f64; D], plane: &[f64; D]| {
+        let off = dot(v, *plane);
+        std::array::from_fn(|c| v[c] - 2.0 * off * plane[c])
+    };
+    (0..1_usize << planes.len()).map(move |chosen| {
+        let planes = planes.iter().enumerate();
+        let planes = planes.filter(|(k, _)| chosen >> k & 1 == 1);
+        planes.fold(v, |v, (_, plane)| in_plane(v, plane))
+    })
 }
 
 impl<const D: usize> Bend<D> {
