@@ -8,6 +8,7 @@ use super::supports::Prescriptions;
 use super::{Axis, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
+use crate::mesh::vector::dot;
 use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::HashMap;
 
@@ -99,6 +100,12 @@ where
     pub fn turn_to(&self, i: usize, node: u32) -> Option<[[f64; D]; D]> {
         let known = self.turns.get(&(i as u32, node)).copied();
         known.or_else(|| self.contact.places[i].turn_to(node, self.mesh.nodes.len()))
+    }
+
+    /// A vector of contact place i as it is at one of these nodes.
+    pub fn turned_to(&self, i: usize, node: u32, v: [f64; D]) -> [f64; D] {
+        let turn = self.turn_to(i, node);
+        turn.map_or(v, |turn| turn.map(|row| dot(row, v)))
     }
 
     /// The body as the elasticity functions want it.

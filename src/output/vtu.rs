@@ -6,7 +6,6 @@ use super::{ContactFields, NodeStatus, OfBodies, StepFields, shown_at_nodes};
 use crate::contact::Space;
 use crate::elasticity::Stress;
 use crate::mesh::ElementKind;
-use crate::mesh::vector::dot;
 use crate::model::Elastic;
 use base64::Engine as _;
 use rayon::prelude::*;
@@ -248,9 +247,8 @@ where
                 vec![[0.0; D]; mesh.nodes.len()],
             );
             for (&node, &i) in &shown {
-                let turn = elastic.turn_to(i, node);
-                let to = |v| turn.map_or(v, |turn| turn.map(|row| dot(row, v)));
-                let [pressed, rubbed] = contact.traction_vectors(i).map(to);
+                let both = contact.traction_vectors(i);
+                let [pressed, rubbed] = both.map(|v| elastic.turned_to(i, node, v));
                 tangential[node as usize] = rubbed;
                 whole[node as usize] = std::array::from_fn(|c| pressed[c] + rubbed[c]);
             }

@@ -1252,10 +1252,7 @@ where
                     // Also on the far side of the sector, whose places are those of the near side.
                     let x = bodies.elastic.mesh.nodes[*node as usize];
                     let [pressed, _] = bodies.contact.traction_vectors(i);
-                    let turn = bodies.elastic.turn_to(i, *node);
-                    let pressed = turn.map_or(pressed, |rows| {
-                        rows.map(|row| row.iter().zip(pressed).map(|(a, b)| a * b).sum())
-                    });
+                    let pressed = bodies.elastic.turned_to(i, *node, pressed);
                     let inwards = -(x[0] * pressed[0] + x[1] * pressed[1]) / x[0].hypot(x[1]);
                     let pressure = bodies.contact.pressure[i];
                     assert!((inwards / pressure - 1.0).abs() < 1e-2, "{x:?} {pressed:?}");

@@ -114,7 +114,7 @@ fn warm_bodies_expand_without_stress() {
     }
 }
 
-/// Two blocks on top of each other that expand freely: no force is needed, and what rounding leaves is none.
+/// Two blocks on top of each other expand freely. They need no forces, and rounding must not count as one.
 #[test]
 fn warm_blocks_on_each_other_bear_nothing() {
     for friction in ["none", "{ coulomb = 0.3 }"] {

@@ -193,8 +193,8 @@ fn edges(corners: usize) -> impl Iterator<Item = [usize; 2]> {
     (0..count).map(move |k| [k, (k + 1) % corners])
 }
 
-/// The smooth surface that the flat facets of a boundary approximate, as far as it is known: the curvature at the corners of facets, in
-/// each smooth part that they belong to.
+/// What nodes tell about the smooth surface that the flat facets of a boundary approximate: its curvature at their corners, in each smooth
+/// part that they belong to.
 struct Smooth<const D: usize> {
     /// The corners of the facets around each.
     around: HashMap<Node, BTreeSet<u32>>,
@@ -576,8 +576,8 @@ impl<const D: usize> Smooth<D> {
                 let bend = self.bends.get(&at).filter(|_| self.is_smooth(at, way))?;
                 Some((bend.in_way(way), bend))
             });
-            let is_rough = |node: &u32| self.bends.contains_key(&(*node, part));
-            bulge.is_known &= at_ends.iter().any(Option::is_some) || !ends.iter().any(is_rough);
+            let has_bend = |node: &u32| self.bends.contains_key(&(*node, part));
+            bulge.is_known &= at_ends.iter().any(Option::is_some) || !ends.iter().any(has_bend);
             let whole = at_ends.map(|end| end.filter(|end| end.1.knows(way)));
             let curvature = match (whole, at_ends) {
                 // In a corner of a part each end knows what the other one does not.

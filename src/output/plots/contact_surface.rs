@@ -8,7 +8,7 @@ use super::developed::{Developed, developed_parts};
 use super::legend::{self, ColourBar, short};
 use super::raster::{Raster, largest, mean};
 use super::svg::{LINE, Svg, escape, line, patch, places};
-use crate::mesh::vector::{bounds, dot, length};
+use crate::mesh::vector::{bounds, length};
 use crate::model::Elastic;
 use crate::model::Units;
 use crate::output::{ContactFields, NodeStatus, shown_at_nodes};
@@ -293,8 +293,7 @@ impl Scene<'_> {
         let mut path = String::new();
         for (_, place, i, node) in chosen {
             let [_, rubbed] = self.contact.traction_vectors(i);
-            let turn = self.elastic.turn_to(i, node);
-            let rubbed = turn.map_or(rubbed, |turn| turn.map(|row| dot(row, rubbed)));
+            let rubbed = self.elastic.turned_to(i, node, rubbed);
             let [right, up] = developed.vector(self.elastic.mesh.nodes[node as usize], rubbed);
             let scale = ARROW / self.rubbed;
             if right.hypot(up) > 0.02 * self.rubbed {
