@@ -181,6 +181,10 @@ impl<const D: usize> OnMatrix<'_, D> {
 }
 
 impl<const D: usize> Equations<D> for OnMatrix<'_, D> {
+    fn floats(&self) -> bool {
+        false
+    }
+
     fn numbers(&self) -> (Numbers, &Stop<'_>) {
         (self.numbers, self.stop)
     }

@@ -3,6 +3,7 @@
 use crate::common::apart;
 use crate::common::models::{Answer, answer, on_the_cpu};
 use crate::common::or_panic::OrPanic as _;
+use crate::common::solved::{built, case};
 use signorini::contact::{Obstacle, Space};
 use signorini::elasticity::{Material, Plane};
 use signorini::engine::Stiffness;
@@ -449,5 +450,85 @@ fn obstacles_that_cannot_move_are_refused() {
     ] {
         let refused = refusal(coupling);
         assert!(refused.contains(text), "{refused}");
+    }
+}
+
+/// A block on a floor that moves under it, held along by a spring far softer than itself: it sticks and slips like a rider. Newton's method
+/// may go back and forth between slip to both sides, past the short way on which the block sticks.
+#[test]
+fn a_block_on_a_soft_spring_rides_on_a_moving_floor() {
+    let rides: [(&[f64], &[f64]); 3] = [
+        (
+            &[0.74, 1.67, 0.37, 1.28, 1.51, 0.54, 0.3],
+            &[-0.068, 0.047, 0.019, -0.105, -0.02, 0.051, -0.023],
+        ),
+        (
+            &[0.67, 0.87, 1.79, 1.32, 0.28],
+            &[0.116, 0.094, 0.054, -0.081, 0.103],
+        ),
+        (
+            &[0.48, 1.05, 1.62, 1.07, 1.8, 0.83, 0.9, 0.2],
+            &[0.084, 0.124, -0.084, 0.112, -0.091, 0.026, 0.078, 0.037],
+        ),
+    ];
+    let (stiffness, mu) = (10.0, 0.4);
+    for (forces, floors) in rides {
+        let text = format!(
+            r#"
+            [[mesh.part]]
+            name = "block"
+            rectangle = {{ size = [1, 1], cells = [2, 2] }}
+            [[material]]
+            young = 1e6
+            poisson = 0.3
+            [[coupling]]
+            boundary = "block-top"
+            point = [0.5, 1]
+            rz = 0
+            force = [0, -1]
+            factors = {forces:?}
+            [[spring]]
+            boundary = "block-top"
+            direction = [1, 0]
+            stiffness = {stiffness}
+            [[contact]]
+            boundary = "block-bottom"
+            obstacle = {{ half_plane = {{ point = [0, 0], normal = [0, 1] }} }}
+            friction = {{ coulomb = {mu} }}
+            name = "floor"
+            [[coupling]]
+            contacts = "floor"
+            point = [0, 0]
+            x = 1
+            y = 0
+            rz = 0
+            factors = {floors:?}
+            [steps]
+            factors = {:?}
+            "#,
+            vec![1.0; forces.len()],
+        );
+        let built = built(&case(&text));
+        let steps = built
+            .solve(&on_the_cpu(1e-9, Stiffness::Cholesky))
+            .or_panic();
+        let near = |x: &[f64; 2]| apart(x, &[0.5, 0.5]) < 1e-9;
+        let middle = built.elastic.mesh.nodes.iter().position(near);
+        let middle = middle.expect("there is such a node");
+        let (mut place, mut floor) = (0.0_f64, 0.0);
+        for (number, (step, (force, now))) in
+            (steps.iter().zip(forces.iter().zip(floors))).enumerate()
+        {
+            assert_eq!(step.status, Status::Converged, "step {number}");
+            let most = mu * force / stiffness;
+            place = (place + now - floor).clamp(-most, most);
+            floor = *now;
+            let unknowns = built.step(number).or_panic().unknowns;
+            let along = unknowns.displacements(&step.u)[middle][0];
+            assert!(
+                (along - place).abs() < 1e-3 * most,
+                "step {number}: {along} for {place}"
+            );
+        }
     }
 }
