@@ -749,8 +749,10 @@ struct Share<const D: usize> {
     bound: f64,
     /// ∫ ψᵢ gap.
     gap: f64,
-    /// Whether the sides overlap anywhere there.
-    overlaps: bool,
+    /// The same between flat facets.
+    flat: f64,
+    /// The least gap there, and the largest.
+    range: [f64; 2],
     /// ∫ βᵢ n of the slave boundary and of the master boundary.
     normals: [[f64; D]; 2],
     /// ∫ ψᵢ φₖ over the nodes of the facet; none where it is wholly covered: there ∫ ψᵢ Ñₖ are δᵢₖ ∫ βᵢ.
@@ -779,6 +781,8 @@ struct Integrals {
     area: f64,
     /// ∫ ψ gap.
     gap: f64,
+    /// The same between flat facets.
+    flat: f64,
     /// (k, ∫ ψ φₖ) over the nodes of the slave.
     own: Vec<(u32, f64)>,
     /// (j, ∫ ψ φⱼ) over those of the master.
@@ -790,6 +794,7 @@ impl Integrals {
     fn add(&mut self, factor: f64, other: &Self) {
         self.area += factor * other.area;
         self.gap += factor * other.gap;
+        self.flat += factor * other.flat;
         for (to, from) in [
             (&mut self.own, &other.own),
             (&mut self.partners, &other.partners),
@@ -858,9 +863,9 @@ where
     ElementKind: Mortar<D>,
 {
     let mut all = FacetShares::default();
-    let gap_at = |point: &IntegrationPoint<D>| {
+    let gap_at = |point: &IntegrationPoint<D>, distance: f64| {
         let slack = slave.slack + near[point.other].slack;
-        options.gap_at(home(point.place), point.distance, rounding.max(slack))
+        options.gap_at(home(point.place), distance, rounding.max(slack))
     };
     let mut covers = <ElementKind as Mortar<D>>::covers(slave, near, distance);
     if slave.moves {
@@ -873,6 +878,7 @@ where
             let faces = (slave.bulge).faces(slave.normal, &other.bulge, other.normal);
             slave.bulge.fits(&other.bulge) && faces
         });
+        let flat: Vec<f64> = cover.points.iter().map(|point| point.distance).collect();
         for point in &mut cover.points {
             let other = &near[point.other];
             if is_round {
@@ -894,6 +900,15 @@ where
         }
         let depths = cover.points.iter().map(|point| -point.distance);
         all.deepest = depths.fold(all.deepest, f64::max);
+        // Each gap, and that between flat facets.
+        let gaps = cover.points.iter().zip(&flat).map(|(point, &flat)| {
+            let gap = gap_at(point, point.distance);
+            match flat == point.distance {
+                true => [gap; 2],
+                false => [gap, gap_at(point, flat)],
+            }
+        });
+        let gaps: Vec<[f64; 2]> = gaps.collect();
         let n = cover.vertices.len();
         let functions = |number: usize| &cover.functions[n * number..][..n];
         // Mass matrix and ∫ β over the covered part; ψ = C β with C = diag(∫ β) mass⁻¹.
@@ -917,7 +932,8 @@ where
                 area,
                 bound: 0.0,
                 gap: 0.0,
-                overlaps: false,
+                flat: 0.0,
+                range: [f64::INFINITY, f64::NEG_INFINITY],
                 normals: [[0.0; D]; 2],
                 own: (!cover.is_whole).then_some([0.0; 9]),
                 partners: Vec::new(),
@@ -968,7 +984,8 @@ where
                         let psi: f64 = (0..n).map(|k| change[(i, k)] * beta[k]).sum();
                         let w = part * point.weight * psi;
                         sums.area += w;
-                        sums.gap += w * gap_at(point);
+                        sums.gap += w * gaps[number][0];
+                        sums.flat += w * gaps[number][1];
                         for (&node, phi) in nodes.iter().zip(point.slave) {
                             add_to(&mut sums.own, node, w * phi);
                         }
@@ -994,7 +1011,7 @@ where
                 all.folded = Some(x);
             }
             let beta = functions(number);
-            let gap = gap_at(point);
+            let [gap, flat] = gaps[number];
             // NaN from an expression must stay.
             if gap < -all.depth && !options.may_overlap() {
                 all.depth = -gap;
@@ -1009,7 +1026,8 @@ where
                     sum + dual[(i, k)] * beta[k]
                 });
                 share.gap += w * psi * gap;
-                share.overlaps |= gap < 0.0;
+                share.flat += w * psi * flat;
+                share.range = [share.range[0].min(gap), share.range[1].max(gap)];
                 share.bound += w * beta[i] * bound;
                 for (sum, normal) in share.normals.iter_mut().zip(&point.normals) {
                     (0..D).for_each(|c| sum[c] += w * beta[i] * normal[c]);

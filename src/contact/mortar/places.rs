@@ -359,7 +359,8 @@ struct Sums<const D: usize> {
     area: f64,
     bound: f64,
     gap: f64,
-    overlaps: bool,
+    flat: f64,
+    range: [f64; 2],
     normals: [[f64; D]; 2],
     own: Vec<(u32, f64)>,
     partners: Vec<(u32, f64)>,
@@ -380,7 +381,8 @@ impl<const D: usize> Sums<D> {
             area: 0.0,
             bound: 0.0,
             gap: 0.0,
-            overlaps: false,
+            flat: 0.0,
+            range: [f64::INFINITY, f64::NEG_INFINITY],
             normals: [[0.0; D]; 2],
             own: Vec::new(),
             partners: Vec::new(),
@@ -398,7 +400,8 @@ impl<const D: usize> Sums<D> {
         self.area += part * other.area;
         self.bound += part * other.bound;
         self.gap += part * other.gap;
-        self.overlaps |= other.overlaps;
+        self.flat += part * other.flat;
+        self.see(other.range);
         self.add_normals(&other.normals, part);
         for &(node, weight) in &other.own {
             add_to(&mut self.own, node, part * weight);
@@ -427,11 +430,17 @@ impl<const D: usize> Sums<D> {
         }
     }
 
+    /// Takes gaps into account.
+    fn see(&mut self, [least, most]: [f64; 2]) {
+        self.range = [self.range[0].min(least), self.range[1].max(most)];
+    }
+
     /// The integrals of ψ where nothing is held.
     fn plain(&self) -> Integrals {
         Integrals {
             area: self.area,
             gap: self.gap,
+            flat: self.flat,
             own: self.own.clone(),
             partners: self.partners.clone(),
         }
@@ -459,7 +468,8 @@ impl<const D: usize> Sums<D> {
         self.area += share.area;
         self.bound += share.bound;
         self.gap += share.gap;
-        self.overlaps |= share.overlaps;
+        self.flat += share.flat;
+        self.see(share.range);
         self.add_normals(&share.normals, 1.0);
         match (share.own, share.site) {
             (None, Site::Node(k)) => {
@@ -560,7 +570,20 @@ impl<const D: usize> Sums<D> {
         else {
             return Ok(None);
         };
-        let gap = across.gap / across.area * dot(outward, normal);
+        let of_normal = |gap: f64| gap * dot(outward, normal);
+        let [gap, flat] = [across.gap, across.flat].map(|sum| of_normal(sum / across.area));
+        let [least, most] = self.range.map(of_normal);
+        // ψ has negative parts, so the mean of a gap that is curved may be outside its range, by O(h²): bodies would press each other
+        // before they touch. At a border that of flat facets may be outside as well: the range is that of the points inside.
+        let [low, high] = match self.angle < 2.0 - TURN {
+            true => [flat.min(least), flat.max(most)],
+            false => [least, most],
+        };
+        // Not so with large displacements: no tangent has a limit, and the position of contact took twice as many iterations.
+        let gap = match gap == flat || options.moves {
+            true => gap,
+            false => gap.max(low).min(high),
+        };
         if let Some(interference) = options.interference {
             checked("interference", x, interference(x))?;
         }
@@ -600,8 +623,7 @@ impl<const D: usize> Sums<D> {
             further: Vec::new(),
             sectors: None,
             frame,
-            // ψ has negative parts, so the mean of a nonnegative gap may be negative, by O(h²).
-            gap: if options.rest.is_some() || (self.overlaps && options.may_overlap()) {
+            gap: if options.rest.is_some() || (least < 0.0 && options.may_overlap()) {
                 gap
             } else {
                 gap.max(0.0)

@@ -223,6 +223,54 @@ fn smooth_sides_need_not_be_arcs() {
     }
 }
 
+/// The lower half of a disc of 24 facets, of which a node is lowest, over a plate: a state is the same wherever the disc was drawn, and
+/// nothing is pressed that does not touch.
+#[test]
+fn a_curved_side_presses_nothing_before_it_touches() {
+    let pressed = |drawn: f64, apart: f64, sides: [&str; 2]| -> f64 {
+        let mut disc = rectangle(
+            [0.0; 2],
+            [1.0; 2],
+            [4, 24],
+            CellShape::Quad,
+            "disc",
+            "disc-",
+        );
+        for x in &mut disc.nodes {
+            let (r, angle) = (4.0 + 6.0 * x[0], PI * (x[1] - 1.0));
+            *x = [r * angle.cos(), r * angle.sin() + 10.0 + drawn];
+        }
+        let cells = [60, 8];
+        let plate = rectangle(
+            [-6.0, -4.0],
+            [12.0, 4.0],
+            cells,
+            CellShape::Quad,
+            "plate",
+            "plate-",
+        );
+        let model = Model::on(join(disc, plate))
+            .material(Material::new(1000.0, 0.3))
+            .support(Support::on(["plate-bottom"]).fixed())
+            .support(Support::on(["disc-left"]).fixed().y(apart - drawn))
+            .contact(Pair::new([sides[0]], [sides[1]]));
+        let found = answer(model, 1e-9, Stiffness::Cholesky);
+        found.solution.lambda[..found.m()].iter().sum()
+    };
+    for sides in [["disc-right", "plate-top"], ["plate-top", "disc-right"]] {
+        let touching = pressed(0.0, -0.05, sides);
+        for drawn in [0.02, 0.1] {
+            assert_eq!(pressed(drawn, 0.001, sides), 0.0, "{sides:?}");
+            let force = pressed(drawn, -0.05, sides);
+            println!("{}: {force} for {touching}", sides[0]);
+            assert!(
+                (force / touching - 1.0).abs() < 0.01,
+                "{force} for {touching}"
+            );
+        }
+    }
+}
+
 /// Teeth of two gears between each other: what a flank sees of the other gear through its own tooth, and through the next, is no
 /// overlap, however far is searched.
 #[test]
