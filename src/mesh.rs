@@ -113,7 +113,7 @@ pub enum AnyMesh {
 pub struct FacetFault<const D: usize = 2> {
     /// Its kind.
     pub kind: FaultKind,
-    /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face.
+    /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face. Zero where there is none.
     pub ends: [[f64; D]; 2],
 }
 
@@ -126,10 +126,15 @@ pub enum FaultKind {
     Stray,
     /// A set of nodes that contains all corners of no outer facet.
     NoFacet,
+    /// A boundary without any facet.
+    Empty,
 }
 
 impl<const D: usize> fmt::Display for FacetFault<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.kind == FaultKind::Empty {
+            return f.write_str("it has no facet");
+        }
         if self.kind == FaultKind::NoFacet {
             let facet = if D == 2 {
                 "both ends of no outer edge"
@@ -149,7 +154,7 @@ impl<const D: usize> fmt::Display for FacetFault<D> {
             FaultKind::Inside => {
                 f.write_str("lies between elements, not on the outside of the body")
             }
-            FaultKind::Stray | FaultKind::NoFacet => {
+            _ => {
                 write!(f, "is not {a_facet} of any element")
             }
         }

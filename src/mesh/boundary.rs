@@ -22,6 +22,13 @@ where
             }),
         };
         for (name, facets) in &mut self.boundaries {
+            if facets.is_empty() {
+                let fault = FacetFault {
+                    kind: FaultKind::Empty,
+                    ends: [[0.0; D]; 2],
+                };
+                self.faults.insert(name.clone(), fault);
+            }
             facets.retain_mut(|facet| {
                 // A facet without an outside must not be listed twice if a file has it from both sides: one of its
                 // elements gives its orientation.
@@ -149,6 +156,11 @@ impl<const D: usize> FacetFault<D> {
         let otherwise = match self.kind {
             FaultKind::Inside => " or, where two bodies touch, draw it once for each",
             FaultKind::Stray => "",
+            FaultKind::Empty => {
+                return format!(
+                    "look at what selects its {part}s (coordinates are rounded), or leave it out"
+                );
+            }
             FaultKind::NoFacet => {
                 return format!("name a {part} of the body or, for a support, its point");
             }

@@ -103,6 +103,15 @@ fn edges_that_are_not_outside_are_noted() {
         stray.facets("lime"),
         Err(BoundaryError::Unknown(_))
     ));
+
+    let empty = mesh(&CORNERS, halves(), &[("none", &[])]);
+    let empty = empty.unwrap_or_else(|error| panic!("{error}"));
+    for refused in [empty.facets("none"), empty.outer_facets("none")] {
+        assert_eq!(
+            refused.expect_err("it is empty").to_string(),
+            "boundary \"none\": it has no facet: look at what selects its curves (coordinates are rounded), or leave it out"
+        );
+    }
 }
 
 #[test]
