@@ -200,7 +200,7 @@ where
             contact.force[c] += pressed[c] + rubbed[c];
             friction[pair][c] += rubbed[c];
         }
-        let place = elastic.contact.places[i].place;
+        let place = elastic.acts_at(i, &of.fields.displacement);
         let whole = std::array::from_fn(|c| pressed[c] + rubbed[c]);
         add(
             &mut contact.moment,

@@ -17,7 +17,7 @@ use signorini::elasticity::{
 use signorini::engine::Stiffness;
 use signorini::mesh::structured::{CellShape, SolidShape, block, rectangle};
 use signorini::mesh::{Element, ElementKind, Mesh, ShapeFunctions, Topology, Visit, facet_nodes};
-use signorini::model::{Model, Pair, Support, Traction};
+use signorini::model::{Axis, Model, Pair, Support, Traction};
 use signorini::reference::CASE_C;
 use signorini::ssnm::NewtonSettings;
 use signorini::stiffness::pcg::{Pcg, Preconditioner};
@@ -708,4 +708,49 @@ fn hertz_cylinder() {
             compare(&format!("cylinder, {name}, {what}"), found, 1.0, limit);
         }
     }
+}
+
+/// Half a ring with curved tetrahedra, shrunk onto a cylinder and turned until it slips: the forces of its contact are those that its supports
+/// bear, and so are their moments, though forces on curved facets act beside the nodes.
+#[test]
+fn the_moment_of_contact_is_that_of_its_forces() {
+    let (shape, cells) = (SolidShape::Tetrahedron, [2, 8, 1]);
+    let mut mesh = block([0.0; 3], [1.0, 1.0, 0.4], cells, shape, "ring", "")
+        .raised()
+        .or_panic();
+    for x in &mut mesh.nodes {
+        let (sin, cos) = (PI * x[1]).sin_cos();
+        let r = 2.0 + 1.5 * x[0];
+        *x = [r * cos, r * sin, x[2]];
+    }
+    let shaft = Obstacle::Cylinder {
+        point: [0.0; 3],
+        axis: [0.0, 0.0, 1.0],
+        radius: 2.0,
+    };
+    let axis = Axis::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let model = Model::on(mesh)
+        .material(Material::new(1e3, 0.3))
+        .support(Support::on("right").about(axis).hoop(0.1).radial(0.0))
+        .support(Support::on(["front", "back"]).z(0.0))
+        .contact(
+            Pair::obstacle("left", shaft)
+                .interference(0.01)
+                .coulomb(0.2),
+        );
+    let found = answer(model, 1e-10, Stiffness::Cholesky);
+    let report = found.report();
+    let about_axis = |force: &[f64], moment: &[f64], centre: &[f64]| {
+        moment[2] + centre[0] * force[1] - centre[1] * force[0]
+    };
+    let contact = &report.contacts[0];
+    let rubbed = about_axis(&contact.force, &contact.moment, &contact.centre);
+    let supports = report.supports.iter();
+    let held = supports.map(|held| about_axis(&held.force, &held.moment, &held.centre));
+    let held: f64 = held.sum();
+    assert!(rubbed.abs() > 1.0, "{rubbed}");
+    assert!(
+        (rubbed + held).abs() < 1e-6 * rubbed.abs(),
+        "{rubbed} {held}"
+    );
 }
