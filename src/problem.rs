@@ -32,7 +32,7 @@ pub(crate) use share::Share;
 pub use system::System;
 pub use vertices::Vertices;
 
-use crate::constraint::{SlipBound, TIED, node_of};
+use crate::constraint::{SlipBound, TIED};
 use crate::sparse::{BlockCsr, Csr, norm};
 use std::borrow::Cow;
 use std::ops::{Deref, Range};
@@ -533,9 +533,10 @@ impl<const D: usize, K> ContactProblem<D, K> {
         self.law(i) == SlipBound::Tied
     }
 
-    /// Whether a multiplier is that of a contact node whose gap is infinite: no force of it can hold a body.
+    /// Whether a multiplier is the normal one of a contact node whose gap is infinite: no pressure can hold a body there, though friction
+    /// with a given bound can.
     pub(crate) fn is_out_of_reach(&self, row: usize) -> bool {
-        self.is_far(node_of::<D>(self.m(), row))
+        row < self.m() && self.is_far(row)
     }
 
     /// Whether the gap of contact node i is infinite.

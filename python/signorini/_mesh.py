@@ -173,19 +173,24 @@ class Mesh:
         if regions is not None and values is None:
             raise ValueError(f"regions: the mesh has no cell data {regions!r}; it has {', '.join(mesh.cell_data) or 'none'}")
         if values is not None:
-            called = {} if regions is not None else {(int(t), int(d)): n for n, (t, d) in mesh.field_data.items()}
+            called: dict[tuple[float, int], str] = {}
+            if regions is None:
+                called = {(int(t), int(d)): n for n, (t, d) in mesh.field_data.items()}
             for number, (block, of_block) in enumerate(zip(mesh.cells, values)):
                 d = block.dim
                 for tag in np.unique(of_block):
-                    mark(called.get((int(tag), d), str(int(tag))), number, np.asarray(of_block) == tag)
+                    value = int(tag) if float(tag).is_integer() else float(tag)
+                    mark(called.get((value, d), str(value)), number, np.asarray(of_block) == tag)
         if regions is None:
             for name, sets in mesh.cell_sets.items():
                 if name.startswith("gmsh:"):
                     continue
                 for number, members in enumerate(sets):
                     if members is not None and len(members):
+                        members = np.asarray(members)
                         where = np.zeros(len(mesh.cells[number].data), dtype=bool)
-                        where[np.asarray(members, dtype=np.int64)] = True
+                        # Numbers of cells, or a mask.
+                        where[members if members.dtype == bool else members.astype(np.int64)] = True
                         mark(name, number, where)
         cells: list[tuple[str, ArrayLike]] = []
         first: dict[int, int] = {}

@@ -250,8 +250,8 @@ class Problem:
             Coefficients of friction that replace those of the problem: one for all places, one for each, or by the names of
             contacts. Ties stay ties.
         after : Solution; optional
-            The load step before this one: friction acts on the slip since then. Of this problem, or of one with the same K,
-            N and T. Only for problems from matrices.
+            The load step before this one: friction acts on the slip since then, from the `slip_origin` of that step unless
+            another one is given. Of this problem, or of one with the same K, N and T. Only for problems from matrices.
         tolerance : float; optional
             ε; default: that of the case, or 1e-6.
         stiffness : {"auto", "cholesky", "pcg"}

@@ -617,10 +617,18 @@ impl Job<'_> {
             None => None,
         };
         let stated = analysis.problem;
-        let changed = self
+        let mut changed = self
             .changes
             .made(analysis.problem, self.of.interference)
             .map_err(Failure::Problem)?;
+        // Slip goes on from where it was measured in the step before.
+        if let (None, Some(run)) = (&self.changes.slip_origin, before)
+            && let Some(problem) = &run.problem
+        {
+            changed = changed
+                .with_slip_origin(problem.slip_origin().to_vec())
+                .map_err(Failure::Problem)?;
+        }
         let analysis = Analysis {
             problem: &changed,
             elastic: analysis.elastic,

@@ -375,3 +375,40 @@ def test_no_obstacle_is_a_gap_of_any_size(far: float, stiffness: Any) -> None:
         assert solution.converged
         same(solution.u, np.minimum(gap, 1.0))
         same(solution.lambda_normal, 1.0 - np.minimum(gap, 1.0))
+
+
+def test_slip_goes_on_from_the_origin_of_the_step_before() -> None:
+    matrices = {"normal": np.array([[0, 1.0]]), "tangential": np.array([[1.0, 0]])}
+    problem = signorini.Problem(np.diag([2.0, 2.0]), [1.0, 1.0], **matrices, gap=0.0, slip_bound=100.0)
+    first = problem.solve(slip_origin=0.1)
+    np.testing.assert_allclose(first.u, [0.1, 0.0], atol=1e-12)
+    for again in ({}, {"slip_origin": 0.1}):
+        second = problem.solve(after=first, **again)
+        np.testing.assert_allclose(second.u, first.u, atol=1e-12)
+        third = problem.solve(after=second, **again)
+        np.testing.assert_allclose(third.u, first.u, atol=1e-12)
+
+
+def test_given_friction_holds_a_floating_body_where_no_obstacle_is() -> None:
+    """Two masses on each other by springs, on a floor; a third contact has no obstacle, as with any gap that is not closed."""
+    spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness = np.kron(spring, np.eye(2))
+    normal = np.array([[0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+    tangential = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0]])
+    for push in (0.05, 0.03):
+        load = [0.0, -0.1, push, -0.1]
+        found = [
+            signorini.solve(
+                stiffness,
+                load,
+                normal=normal,
+                tangential=tangential,
+                gap=[0.0, far],
+                slip_bound=[0.04, 0.03],
+                coordinates=[[0.0, 0.0], [0.0, 1.0]],
+                tolerance=EXACT,
+            )
+            for far in (1e3, np.inf)
+        ]
+        assert all(one.converged for one in found)
+        same(found[1].lambda_tangential, found[0].lambda_tangential)

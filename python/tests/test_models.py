@@ -856,3 +856,26 @@ def test_names_of_joined_parts_differ() -> None:
         other = signorini.Mesh(points + [0, 5], cells, **{kind: {"c": of}})
         with pytest.raises(signorini.ModelError, match="a region or boundary called \"a-b-c\": give the parts other names"):
             signorini.Mesh.join({"a": one, "a-b": other})
+
+
+def test_an_empty_boundary_is_refused() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    boundaries = {"low": [[0, 1]], "top": np.zeros((0, 2), int)}
+    mesh = signorini.Mesh(square, {"quad": [[0, 1, 2, 3]]}, boundaries=boundaries)
+    model = signorini.Model(mesh).material(young=1.0, poisson=0.3).support("low", x=0, y=0)
+    for wrong in (model.traction("top", y=-1.0), model.support("top", y=0.0)):
+        with pytest.raises(signorini.ModelError, match='"top": it has no facet'):
+            wrong.solve()
+
+
+def test_cell_data_and_masks_of_meshio() -> None:
+    points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]]
+    cells = [("quad", [[0, 1, 4, 3], [1, 2, 5, 4]]), ("line", [[0, 1], [1, 2]])]
+    data = {"tag": [np.array([1.5, 1.7]), np.array([1.0, 1.0])]}
+    tagged = signorini.Mesh.from_meshio(meshio.Mesh(points, cells, cell_data=data), regions="tag")
+    assert {name: list(of) for name, of in tagged.regions.items()} == {"1.5": [0], "1.7": [1]}
+    assert list(tagged.boundaries) == ["1"]
+    masked = meshio.Mesh(points, cells)
+    masked.cell_sets["b"] = [np.zeros(2, bool), np.array([False, True])]
+    found = signorini.Mesh.from_meshio(masked)
+    assert np.unique(found.boundaries["b"]).tolist() == [1, 2]
