@@ -8,7 +8,7 @@ use super::supports::Prescriptions;
 use super::{Axis, Definition, Units};
 use crate::contact::{ContactPlace, ContactRows};
 use crate::elasticity::{Body, Material, Plane, Unknowns};
-use crate::mesh::vector::{dot, length, minus};
+use crate::mesh::vector::dot;
 use crate::mesh::{ElementKind, Mesh, Topology};
 use std::collections::HashMap;
 
@@ -94,35 +94,6 @@ where
             })
         });
         each.collect()
-    }
-
-    /// Where the forces of contact place i act on its own side after these displacements: the mean of its nodes there. On a curved facet of
-    /// second order it is not the node at which the place is.
-    pub(crate) fn acts_at(&self, i: usize, displacement: &[[f64; D]]) -> [f64; D] {
-        let place = &self.contact.places[i];
-        let at = |node: u32| -> Option<[f64; D]> {
-            let (x, u) = (
-                self.mesh.nodes.get(node as usize)?,
-                displacement.get(node as usize)?,
-            );
-            let moves = f64::from(u8::from(self.is_large()));
-            Some(std::array::from_fn(|c| x[c] + moves * u[c]))
-        };
-        let own: Option<Vec<_>> = (place.own.iter())
-            .map(|&(node, weight)| at(node).map(|x| (x, weight)))
-            .collect();
-        let (Some(own), Some(node)) = (own, place.node.and_then(at)) else {
-            return place.place;
-        };
-        // The weights of equations may have any sum.
-        let whole: f64 = own.iter().map(|(_, weight)| weight).sum();
-        let sum = |c: usize| own.iter().map(|(x, weight)| weight * x[c]).sum::<f64>();
-        let mean = std::array::from_fn(|c| sum(c) / whole);
-        let off = |x: [f64; D]| length(minus(x, place.place));
-        match off(node) < off(mean) {
-            true => mean,
-            false => place.place,
-        }
     }
 
     /// The turn of the vectors of contact place i to a node at which it is, beyond the side of a sector.

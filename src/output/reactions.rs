@@ -166,6 +166,36 @@ where
         .collect()
 }
 
+/// Where the forces of contact place i act on its own side after these displacements: the mean of its nodes there. On a curved facet of
+/// second order it is not the node at which the place is.
+fn acts_at<const D: usize>(elastic: &Elastic<D>, i: usize, displacement: &[[f64; D]]) -> [f64; D]
+where
+    ElementKind: Topology<D>,
+{
+    let place = &elastic.contact.places[i];
+    let moves = f64::from(u8::from(elastic.is_large()));
+    let at = |node: u32| -> Option<[f64; D]> {
+        let x = elastic.mesh.nodes.get(node as usize)?;
+        let u = displacement.get(node as usize)?;
+        Some(std::array::from_fn(|c| x[c] + moves * u[c]))
+    };
+    let own: Option<Vec<_>> = (place.own.iter())
+        .map(|&(node, weight)| at(node).map(|x| (x, weight)))
+        .collect();
+    let (Some(own), Some(node)) = (own, place.node.and_then(at)) else {
+        return place.place;
+    };
+    // The weights of equations may have any sum.
+    let whole: f64 = own.iter().map(|(_, weight)| weight).sum();
+    let sum = |c: usize| own.iter().map(|(x, weight)| weight * x[c]).sum::<f64>();
+    let mean = std::array::from_fn(|c| sum(c) / whole);
+    let off = |x: [f64; D]| length(minus(x, place.place));
+    match off(node) < off(mean) {
+        true => mean,
+        false => place.place,
+    }
+}
+
 /// The forces of the contacts; `before` is the slip at the beginning of the step, empty if it begins from rest.
 pub(super) fn contact_reports<const D: usize>(
     of: &OfBodies<D>,
@@ -200,7 +230,7 @@ where
             contact.force[c] += pressed[c] + rubbed[c];
             friction[pair][c] += rubbed[c];
         }
-        let place = elastic.acts_at(i, &of.fields.displacement);
+        let place = acts_at(elastic, i, &of.fields.displacement);
         let whole = std::array::from_fn(|c| pressed[c] + rubbed[c]);
         add(
             &mut contact.moment,
