@@ -113,7 +113,8 @@ pub enum AnyMesh {
 pub struct FacetFault<const D: usize = 2> {
     /// Its kind.
     pub kind: FaultKind,
-    /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face. Zero where there is none.
+    /// The coordinates of two nodes of the facet: both ends of an edge, two corners of a face. A boundary
+    /// without facets has zeros here.
     pub ends: [[f64; D]; 2],
 }
 
@@ -132,31 +133,30 @@ pub enum FaultKind {
 
 impl<const D: usize> fmt::Display for FacetFault<D> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        if self.kind == FaultKind::Empty {
-            return f.write_str("it has no facet");
-        }
-        if self.kind == FaultKind::NoFacet {
-            let facet = if D == 2 {
-                "both ends of no outer edge"
-            } else {
-                "all corners of no outer face"
-            };
-            let place = Location::from(self.ends[0]);
-            return write!(f, "a set of nodes, with one at {place}, that has {facet}");
-        }
         let [from, to] = self.ends.map(Location::from);
-        let (which, a_facet) = match D {
-            2 => ("edge from", "an edge"),
-            _ => ("face with corners from", "a face"),
+        let (which, a_facet, no_facet) = match D {
+            2 => ("edge from", "an edge", "both ends of no outer edge"),
+            _ => (
+                "face with corners from",
+                "a face",
+                "all corners of no outer face",
+            ),
         };
-        write!(f, "its {which} {from} to {to} ")?;
         match self.kind {
-            FaultKind::Inside => {
-                f.write_str("lies between elements, not on the outside of the body")
+            FaultKind::Inside => write!(
+                f,
+                "its {which} {from} to {to} lies between elements, not on the outside of the body"
+            ),
+            FaultKind::Stray => {
+                write!(
+                    f,
+                    "its {which} {from} to {to} is not {a_facet} of any element"
+                )
             }
-            _ => {
-                write!(f, "is not {a_facet} of any element")
+            FaultKind::NoFacet => {
+                write!(f, "a set of nodes, with one at {from}, that has {no_facet}")
             }
+            FaultKind::Empty => f.write_str("it has no facet"),
         }
     }
 }
