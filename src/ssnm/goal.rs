@@ -176,13 +176,13 @@ impl Goal {
                 off = off.max(moved);
             }
         }
-        // Under given bounds there may be only tractions.
+        // Under given bounds there may be only tractions, and pressures that are rounding of those.
         let [before, now] = largest.map(|[pressure, traction]| match pressure > 0.0 {
-            true => pressure,
-            false => traction,
+            true => (forces * self.tolerance * pressure).max(ROUNDING * traction),
+            false => forces * self.tolerance * traction,
         });
-        let largest = before.max(now);
-        largest == 0.0 || off <= forces * self.tolerance * largest
+        let allowed = before.max(now);
+        allowed == 0.0 || off <= allowed
     }
 }
 
@@ -410,6 +410,25 @@ mod tests {
                 expected,
                 "{size:e}"
             );
+        }
+    }
+
+    #[test]
+    fn pressures_that_are_rounding_of_tractions_measure_nothing() {
+        let problem = ContactProblem::<2>::new(ContactData {
+            stiffness: BlockCsr::from_triplets(2, 2, (0..2).map(|i| (i, i, 1.0))),
+            load: vec![0.0, 1.0],
+            normal: Csr::from_triplets(1, 2, [(0, 0, 1.0)]),
+            tangential: Csr::from_triplets(1, 2, [(0, 1, 1.0)]),
+            gap: vec![0.0],
+            slip_bound: vec![2.0],
+            coordinates: None,
+        })
+        .unwrap_or_else(|error| panic!("{error}"));
+        let goal = Goal::new(&NewtonSettings::default());
+        for (traction, expected) in [(0.0, false), (1.0, true)] {
+            let met = goal.forces_met(&problem, &[1e-20, traction], &[-1e-17, 0.0], &[0.0; 2]);
+            assert_eq!(met, expected, "{traction}");
         }
     }
 }

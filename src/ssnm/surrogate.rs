@@ -285,10 +285,24 @@ impl Surrogate {
         self.settle();
     }
 
-    /// Adds a pair, without the quantities that follow from all pairs.
+    /// Adds a pair, without the quantities that follow from all pairs. Where errors of known pairs hide its new part, those that are
+    /// less accurate follow it, by their accuracy: only what is new beside it is left of them. Behind them it would inherit their errors,
+    /// and so would all later pairs, however accurate they are.
     fn enter(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
-        while let Some(worst) = self.extend(direction, image, error, flat) {
-            self.remove(worst);
+        if !self.extend(direction, image, error, flat) {
+            return;
+        }
+        let first = self.errors.iter().position(|&known| known > error);
+        let first = first.unwrap_or(self.len());
+        let pairs = self.directions.split_off(first).into_iter();
+        let pairs = pairs.zip(self.images.split_off(first));
+        let mut later: Vec<_> = pairs.zip(self.errors.split_off(first)).collect();
+        self.gram.truncate(first);
+        self.basis.truncate(first);
+        later.push(((direction.to_vec(), image.to_vec()), error));
+        later.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+        for ((direction, image), error) in later {
+            self.extend(&direction, &image, error, flat);
         }
     }
 
@@ -300,16 +314,19 @@ impl Surrogate {
         self.find_largest();
     }
 
-    /// Adds a pair unless too little of it is new; returns the known pair whose error is in the way.
-    fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> Option<usize> {
+    /// Adds a pair unless too little of it is new; whether errors of less accurate pairs are in the way.
+    fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
         let (mut direction, mut image) = (direction.to_vec(), image.to_vec());
         let before = dot(&direction, &image);
+        let error = self.contradictions(&direction, &image, error);
         let mut shares = vec![0.0; self.len()];
         for _ in 0..2 {
             for (k, (v, w)) in self.directions.iter().zip(&self.images).enumerate() {
                 let c = dot(w, &direction);
+                // The same where images are exact. Otherwise that of the known pair is better, and stays as it is in Ã.
+                let of_image = if error > 0.0 { dot(v, &image) } else { c };
                 add_times(-c, v, &mut direction);
-                add_times(-c, w, &mut image);
+                add_times(-of_image, w, &mut image);
                 shares[k] += c;
             }
         }
@@ -321,9 +338,7 @@ impl Surrogate {
             new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
         let clear = if self.is_strict { CLEAR } else { 1.0 };
         if !(is_new && new >= clear * (own + others)) {
-            let worst = (0..self.len()).max_by(|&i, &j| inherited(i).total_cmp(&inherited(j)));
-            // A pair that is known more accurately than this one stays.
-            return worst.filter(|_| others > 0.0 && own <= others);
+            return others > 0.0 && own <= others;
         }
         let scale = 1.0 / new.sqrt();
         direction.iter_mut().for_each(|v| *v *= scale);
@@ -348,7 +363,23 @@ impl Surrogate {
                 self.base = self.curvature;
             }
         }
-        None
+        false
+    }
+
+    /// Raises the errors of pairs to those that a new pair (p, Ap) shows, and returns its own: A is symmetric, so that wᵀp = vᵀAp, and
+    /// the less accurate of two pairs has the difference. Estimates of PCG may be far too small: a pair had 100 times the stiffness of A,
+    /// and stayed.
+    fn contradictions(&mut self, direction: &[f64], image: &[f64], mut error: f64) -> f64 {
+        if error > 0.0 {
+            let size = dot(direction, image).sqrt();
+            let pairs = self.directions.iter().zip(&self.images);
+            for ((v, w), known) in pairs.zip(&mut self.errors) {
+                let apart = (dot(w, direction) - dot(v, image)).abs() / size;
+                let worse = if *known > error { known } else { &mut error };
+                *worse = worse.max(apart);
+            }
+        }
+        error
     }
 
     /// B₀Z by the method of Gram and Schmidt.
@@ -575,6 +606,46 @@ mod tests {
         // A worse product of a known direction changes nothing.
         surrogate.add(&sum, &off(&sum, 0.3), 0.5, 0.0);
         assert_eq!((surrogate.len(), missed(&surrogate, &sum)), (count, now));
+    }
+
+    /// Behind a pair of 10 % a more accurate one would have its error, too.
+    #[test]
+    fn accurate_pairs_come_first() {
+        let len = 40;
+        let numbers = scatter(len * 6);
+        let directions: Vec<&[f64]> = numbers.chunks(len).collect();
+        let mut surrogate = Surrogate::default();
+        surrogate.prepare(2.0, MOST, &[], &[]);
+        for v in &directions {
+            surrogate.add(v, &times_a(v), 0.1, 0.0);
+        }
+        let (count, few) = (directions.len(), 1e-5);
+        for k in 0..count {
+            let mut sum = directions[k].to_vec();
+            add_times(0.3, directions[(k + 1) % count], &mut sum);
+            surrogate.add(&sum, &times_a(&sum), few, 0.0);
+            let accurate = surrogate.errors.iter().filter(|&&e| e < 100.0 * few);
+            assert_eq!((accurate.count(), surrogate.len()), (k + 1, count));
+        }
+    }
+
+    #[test]
+    fn a_new_pair_shows_the_errors_of_others() {
+        let numbers = scatter(120);
+        let directions: Vec<&[f64]> = numbers.chunks(40).collect();
+        let filled = |errors: [f64; 2]| {
+            let mut surrogate = Surrogate::default();
+            surrogate.prepare(2.0, MOST, &[], &[]);
+            let mut wrong = times_a(directions[0]);
+            add_times(0.5, &times_a(directions[1]), &mut wrong);
+            surrogate.add(directions[0], &wrong, errors[0], 0.0);
+            surrogate.add(directions[1], &times_a(directions[1]), errors[1], 0.0);
+            surrogate.errors
+        };
+        assert!(filled([1e-3, 1e-4])[0] > 0.3);
+        // The other one would have it.
+        let errors = filled([1e-4, 1e-3]);
+        assert!(errors[0] < 2e-4 && errors[1] > 0.3);
     }
 
     #[test]
