@@ -259,9 +259,9 @@ impl Surrogate {
     }
 
     /// Adds a direction with its image, which has an error of this part (in the norm of A⁻¹). Where errors hide its new
-    /// part, mainly those of known pairs, the worst of these is dropped. A direction along which A curves q by less than
+    /// part, mainly those of known pairs, the less accurate ones follow it. A direction along which A curves q by less than
     /// `flat` does not enter: where rows of B depend on each other, it is only rounding. False if errors have hidden
-    /// something: the pair has not entered, or others were dropped.
+    /// something: the pair has not entered, or another has nothing new beside it.
     pub fn add(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
         // Written so that NaN is refused.
         if !(dot(direction, image) > flat * dot(direction, direction))
