@@ -59,6 +59,7 @@ mod multisecant;
 mod newton;
 mod numbers;
 mod outer;
+mod pairs;
 mod point;
 mod printed;
 mod products;

@@ -1,6 +1,7 @@
 //! A surrogate of A from all known products: the multisecant update of a multiple of the identity, or of what a similar A has left.
 
-use crate::dense::{symmetric_eigen, symmetric_largest};
+use super::pairs::Pairs;
+use crate::dense::symmetric_eigen;
 use crate::rounding::INDEPENDENT;
 use crate::sparse::{add_times, dot, norm, norm_max};
 use faer::Mat;
@@ -21,11 +22,9 @@ use faer::Mat;
 pub(super) struct Surrogate {
     /// c: the curvature of q along the last new direction, across the span of those before it. With traces it stays as it is.
     base: f64,
-    /// Pairs kept at most.
-    most: usize,
-    /// V, W and Q.
-    directions: Vec<Vec<f64>>,
-    images: Vec<Vec<f64>>,
+    /// V and W.
+    pairs: Pairs,
+    /// Q.
     basis: Vec<Vec<f64>>,
     /// The diagonal of C; empty where all contact is hard.
     compliance: Vec<f64>,
@@ -37,21 +36,9 @@ pub(super) struct Surrogate {
     weighted: Vec<Vec<f64>>,
     /// The curvature of q along the last new direction, across the span of those before it; 0 before the first.
     curvature: f64,
-    /// A bound of the error of each image, in the norm of A⁻¹, in which the image itself has length one.
-    errors: Vec<f64>,
-    /// WᵀW up to the diagonal, row by row.
-    gram: Vec<Vec<f64>>,
     /// The largest eigenvalue of WWᵀ.
     largest: f64,
-    /// Whether pairs have to be [`CLEAR`].
-    is_strict: bool,
 }
-
-/// The least energy of the new part of a pair over that of its error, once errors have stood in the way. The errors of products
-/// by PCG have the same shape and add up more than the estimate says: a pair that was thought to be known to a third had 100 times
-/// the stiffness of A. Of 5 113 load steps of random solids 14 found no answer, for 65 314 products, without this, 10 (61 001)
-/// with 4, 5 (59 152) with 16, and 4 (61 178) with 100.
-const CLEAR: f64 = 16.0;
 
 /// Pairs that are kept for another C, the latest: making them anew takes as long as the square of their number.
 const KEPT: usize = 40;
@@ -63,19 +50,20 @@ const TRACES: usize = 60;
 impl Surrogate {
     /// Pairs.
     pub fn len(&self) -> usize {
-        self.directions.len()
+        self.pairs.len()
     }
 
     /// Whether its directions have this many entries.
     pub fn fits_length(&self, len: usize) -> bool {
-        let mut all = (self.directions.iter()).chain(self.traces.iter().map(|trace| &trace.0));
+        let directions = self.pairs.directions.iter();
+        let mut all = directions.chain(self.traces.iter().map(|trace| &trace.0));
         all.all(|d| d.len() == len)
     }
 
     /// Sets c for the first step, before any product, the number of pairs to keep, C, and S (empty for the identity). Pairs of a solve
     /// with another C get the images that they have with this one.
     pub fn prepare(&mut self, base: f64, most: usize, compliance: &[f64], scale: &[f64]) {
-        (self.most, self.is_strict) = (most, false);
+        self.pairs.allow(most);
         self.take_scale(scale);
         if !compliance.is_empty() {
             self.traces.clear();
@@ -88,17 +76,17 @@ impl Surrogate {
             return;
         }
         let old = std::mem::take(self);
-        (self.base, self.most) = (old.base, most);
+        (self.base, self.pairs) = (old.base, Pairs::with_room(most));
         (self.compliance, self.scale) = (old.compliance, old.scale);
         let of = |c: &[f64], i: usize| c.get(i).copied().unwrap_or(0.0);
-        let pairs = old.directions.into_iter().zip(old.images).zip(old.errors);
-        let early = pairs.len().saturating_sub(KEPT);
-        for ((direction, mut image), error) in pairs.skip(early) {
-            for (i, (w, v)) in image.iter_mut().zip(&direction).enumerate() {
-                *w += (of(compliance, i) - of(&before, i)) * v;
-            }
-            let size = dot(&direction, &image).sqrt();
-            self.enter(&direction, &image, error / size, 0.0);
+        let early = old.pairs.len().saturating_sub(KEPT);
+        for ((direction, image), error) in old.pairs.iter().zip(&old.pairs.errors).skip(early) {
+            let each = image.iter().zip(direction).enumerate();
+            let image: Vec<f64> = each
+                .map(|(i, (w, v))| w + (of(compliance, i) - of(&before, i)) * v)
+                .collect();
+            let size = dot(direction, &image).sqrt();
+            self.enter(direction, &image, error / size, 0.0);
         }
         self.settle();
     }
@@ -218,7 +206,7 @@ impl Surrogate {
         let traces = self.traces.iter();
         (traces.map(|(trace, sign)| (trace.as_slice(), 1.0, *sign)))
             .chain(basis.iter().map(move |q| (q.as_slice(), root, -1.0)))
-            .chain(self.images.iter().map(|w| (w.as_slice(), 1.0, 1.0)))
+            .chain(self.pairs.images.iter().map(|w| (w.as_slice(), 1.0, 1.0)))
     }
 
     /// Whether B₀ = cI.
@@ -247,10 +235,10 @@ impl Surrogate {
     /// are not exact.
     pub fn split(&self, p: &mut [f64]) -> Vec<f64> {
         let mut image = vec![0.0; p.len()];
-        if self.errors.iter().any(|&e| e > 0.0) {
+        if !self.pairs.are_exact() {
             return image;
         }
-        for (v, w) in self.directions.iter().zip(&self.images) {
+        for (v, w) in self.pairs.iter() {
             let c = dot(w, p);
             add_times(-c, v, p);
             add_times(c, w, &mut image);
@@ -277,32 +265,21 @@ impl Surrogate {
 
     /// Keeps clear pairs only, from here on.
     pub fn be_strict(&mut self) {
-        self.is_strict = true;
-        let unclear = |error: &f64| CLEAR * error * error > 1.0;
-        while let Some(last) = self.errors.iter().rposition(unclear) {
-            self.remove(last);
-        }
+        let kept = self.pairs.be_strict();
+        self.extend_basis(kept);
         self.settle();
     }
 
-    /// Adds a pair, without the quantities that follow from all pairs. Where errors of known pairs hide its new part, those that are
-    /// less accurate follow it, by their accuracy: only what is new beside it is left of them. Behind them it would inherit their errors,
-    /// and so would all later pairs, however accurate they are.
+    /// Adds a pair, without the quantities that follow from all pairs. Where too little of it is new, nothing changes.
     fn enter(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) {
-        if !self.extend(direction, image, error, flat) {
-            return;
-        }
-        let first = self.errors.iter().position(|&known| known > error);
-        let first = first.unwrap_or(self.len());
-        let pairs = self.directions.split_off(first).into_iter();
-        let pairs = pairs.zip(self.images.split_off(first));
-        let mut later: Vec<_> = pairs.zip(self.errors.split_off(first)).collect();
-        self.gram.truncate(first);
-        self.basis.truncate(first);
-        later.push(((direction.to_vec(), image.to_vec()), error));
-        later.sort_by(|(_, a), (_, b)| a.total_cmp(b));
-        for ((direction, image), error) in later {
-            self.extend(&direction, &image, error, flat);
+        let kept = self.pairs.enter(direction, image, error, flat);
+        let curvatures = self.extend_basis(kept);
+        // Below rounding the part of the curvature that is not from C contains no information.
+        if let Some(curvature) = curvatures.into_iter().flatten().next_back() {
+            self.curvature = curvature;
+            if self.traces.is_empty() {
+                self.base = curvature;
+            }
         }
     }
 
@@ -311,75 +288,7 @@ impl Surrogate {
         if !self.is_plain() {
             self.weigh();
         }
-        self.find_largest();
-    }
-
-    /// Adds a pair unless too little of it is new; whether errors of less accurate pairs are in the way.
-    fn extend(&mut self, direction: &[f64], image: &[f64], error: f64, flat: f64) -> bool {
-        let (mut direction, mut image) = (direction.to_vec(), image.to_vec());
-        let before = dot(&direction, &image);
-        let error = self.contradictions(&direction, &image, error);
-        let mut shares = vec![0.0; self.len()];
-        for _ in 0..2 {
-            for (k, (v, w)) in self.directions.iter().zip(&self.images).enumerate() {
-                let c = dot(w, &direction);
-                // The same where images are exact. Otherwise that of the known pair is better, and stays as it is in Ã.
-                let of_image = if error > 0.0 { dot(v, &image) } else { c };
-                add_times(-c, v, &mut direction);
-                add_times(-of_image, w, &mut image);
-                shares[k] += c;
-            }
-        }
-        let inherited = |k: usize| (shares[k] * self.errors[k]).powi(2);
-        let others: f64 = (0..self.len()).map(inherited).sum();
-        let (own, new) = (error * error * before, dot(&direction, &image));
-        // Written so that NaN is refused.
-        let is_new =
-            new > INDEPENDENT * INDEPENDENT * before && new > flat * dot(&direction, &direction);
-        let clear = if self.is_strict { CLEAR } else { 1.0 };
-        if !(is_new && new >= clear * (own + others)) {
-            return others > 0.0 && own <= others;
-        }
-        let scale = 1.0 / new.sqrt();
-        direction.iter_mut().for_each(|v| *v *= scale);
-        image.iter_mut().for_each(|v| *v *= scale);
-        while self.len() >= self.most.max(1) {
-            self.remove(0);
-        }
-        self.directions.push(direction);
-        self.images.push(image);
-        let last = &self.images[self.len() - 1];
-        let row = self.images.iter().map(|w| dot(w, last)).collect();
-        self.gram.push(row);
-        self.errors.push((own + others).sqrt() * scale);
-        let length = self.extend_basis(self.len() - 1);
-        // The part of the curvature that is not from C; below rounding it contains no information.
-        let direction = &self.directions[self.len() - 1];
-        let given = self.compliance.iter().zip(direction);
-        let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
-        if part > INDEPENDENT {
-            self.curvature = part / (length * length);
-            if self.traces.is_empty() {
-                self.base = self.curvature;
-            }
-        }
-        false
-    }
-
-    /// Raises the errors of pairs to those that a new pair (p, Ap) shows, and returns its own: A is symmetric, so that wᵀp = vᵀAp, and
-    /// the less accurate of two pairs has the difference. Estimates of PCG may be far too small: a pair had 100 times the stiffness of A,
-    /// and stayed.
-    fn contradictions(&mut self, direction: &[f64], image: &[f64], mut error: f64) -> f64 {
-        if error > 0.0 {
-            let size = dot(direction, image).sqrt();
-            let pairs = self.directions.iter().zip(&self.images);
-            for ((v, w), known) in pairs.zip(&mut self.errors) {
-                let apart = (dot(w, direction) - dot(v, image)).abs() / size;
-                let worse = if *known > error { known } else { &mut error };
-                *worse = worse.max(apart);
-            }
-        }
-        error
+        self.largest = self.pairs.largest();
     }
 
     /// B₀Z by the method of Gram and Schmidt.
@@ -404,36 +313,21 @@ impl Surrogate {
         self.weighted = weighted;
     }
 
-    fn remove(&mut self, number: usize) {
-        self.directions.remove(number);
-        self.images.remove(number);
-        self.errors.remove(number);
-        self.gram.remove(number);
-        for row in &mut self.gram[number..] {
-            row.remove(number);
+    /// Makes the basis anew from this direction on. Returns the curvature along each of them across those before it, without the part
+    /// from C, where rounding does not hide it.
+    fn extend_basis(&mut self, kept: usize) -> Vec<Option<f64>> {
+        self.basis.truncate(kept);
+        let mut curvatures = Vec::new();
+        for direction in &self.pairs.directions[kept..] {
+            let mut q = across(direction, &self.basis);
+            let length = norm(&q);
+            q.iter_mut().for_each(|v| *v /= length);
+            self.basis.push(q);
+            let given = self.compliance.iter().zip(direction);
+            let part = given.fold(1.0, |part, (c, v)| part - c * v * v);
+            curvatures.push((part > INDEPENDENT).then(|| part / (length * length)));
         }
-        self.basis.truncate(number);
-        for k in number..self.len() {
-            self.extend_basis(k);
-        }
-    }
-
-    /// Adds the direction with number k to the basis; returns its length across those before it.
-    fn extend_basis(&mut self, k: usize) -> f64 {
-        let mut q = across(&self.directions[k], &self.basis);
-        let length = norm(&q);
-        q.iter_mut().for_each(|v| *v /= length);
-        self.basis.push(q);
-        length
-    }
-
-    /// WWᵀ has the eigenvalues of WᵀW.
-    fn find_largest(&mut self) {
-        let gram = Mat::from_fn(self.len(), self.len(), |i, j| {
-            self.gram[i].get(j).copied().unwrap_or(0.0)
-        });
-        // 0 for the NaN of no pairs at all.
-        self.largest = symmetric_largest(&gram).max(0.0);
+        curvatures
     }
 }
 
@@ -624,9 +518,30 @@ mod tests {
             let mut sum = directions[k].to_vec();
             add_times(0.3, directions[(k + 1) % count], &mut sum);
             surrogate.add(&sum, &times_a(&sum), few, 0.0);
-            let accurate = surrogate.errors.iter().filter(|&&e| e < 100.0 * few);
+            let accurate = surrogate.pairs.errors.iter().filter(|&&e| e < 100.0 * few);
             assert_eq!((accurate.count(), surrogate.len()), (k + 1, count));
         }
+    }
+
+    /// Also where there is no room for all of them: the basis is that of the pairs.
+    #[test]
+    fn the_basis_follows_the_pairs() {
+        let (len, room) = (40, 6);
+        let numbers = scatter(len * 30);
+        let mut surrogate = Surrogate::default();
+        surrogate.prepare(2.0, room, &[], &[]);
+        for (k, v) in numbers.chunks(len).enumerate() {
+            surrogate.add(v, &times_a(v), [0.1, 1e-5, 0.3][k % 3], 0.0);
+            let mut sum = numbers[..len].to_vec();
+            add_times(0.1, v, &mut sum);
+            surrogate.add(&sum, &times_a(&sum), 1e-4, 0.0);
+            for (v, w) in surrogate.pairs.iter() {
+                let differences = surrogate.times(v).into_iter().zip(w);
+                let off = differences.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+                assert!(off < 1e-9 * norm(w), "{k}: {off:e}");
+            }
+        }
+        assert_eq!(surrogate.len(), room);
     }
 
     #[test]
@@ -640,7 +555,7 @@ mod tests {
             add_times(0.5, &times_a(directions[1]), &mut wrong);
             surrogate.add(directions[0], &wrong, errors[0], 0.0);
             surrogate.add(directions[1], &times_a(directions[1]), errors[1], 0.0);
-            surrogate.errors
+            surrogate.pairs.errors
         };
         assert!(filled([1e-3, 1e-4])[0] > 0.3);
         // The other one would have it.
@@ -663,7 +578,7 @@ mod tests {
         assert_eq!((surrogate.len(), surrogate.base()), (5, base));
         let (surrogate, _) = filled(2 * MOST, MOST + 10);
         assert_eq!(surrogate.len(), MOST);
-        for (v, w) in surrogate.directions.iter().zip(&surrogate.images) {
+        for (v, w) in surrogate.pairs.iter() {
             let differences = surrogate.times(v).into_iter().zip(w);
             assert!(differences.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) < 1e-11);
         }
