@@ -511,6 +511,16 @@ impl Problem {
         let pressing = of_contact
             .iter()
             .fold(1e-3 * largest, |most, f| most.max(length(*f)));
+        // A corner that touches a flank just before its end is far behind the tip beside it.
+        let is_on_corner = |edge: [u32; 2], node: usize| {
+            let x = at(node);
+            let beside = skin
+                .iter()
+                .filter(|other| **other != edge && other.iter().any(|end| edge.contains(end)));
+            beside
+                .map(|other| away(x, other.map(|node| at(node as usize))).0)
+                .any(|off| length(off) < 0.1 * longest)
+        };
         let (mut sum, mut moment, mut sizes) = ([0.0; 2], 0.0, 0.0);
         let mut is_near_held = false;
         for node in 0..forces.len() {
@@ -527,10 +537,8 @@ impl Problem {
             let mut facing = own.clone();
             for &edge in skin.iter().filter(|edge| !edge.contains(&(node as u32))) {
                 let [a, b] = edge.map(|node| at(node as usize));
-                let along = minus(b, a);
-                let s = dot(minus(x, a), along) / dot(along, along);
+                let (off, s) = away(x, [a, b]);
                 let other = normal(edge);
-                let off = minus(x, plus(a, along.map(|v| s.clamp(0.0, 1.0) * v)));
                 let is_opposite = (0.0..=1.0).contains(&s);
                 let near = match is_opposite {
                     true => dot(off, other),
@@ -548,7 +556,7 @@ impl Problem {
                     nearest = near;
                 }
                 let inside = is_opposite && near > -0.45 * self.thickness;
-                if inside && near < -0.5 * longest {
+                if inside && near < -0.5 * longest && !is_on_corner(edge, node) {
                     return Some(format!(
                         "node {node} is {near:e} deep in its other side, edges up to {longest:e}"
                     ));
@@ -600,6 +608,14 @@ impl Problem {
         }
         None
     }
+}
+
+/// The way to a point from the nearest one of an edge, and where the point is along the line of the edge, 0 to 1 from end to end.
+fn away(x: Point, [a, b]: [Point; 2]) -> (Point, f64) {
+    let along = minus(b, a);
+    let s = dot(minus(x, a), along) / dot(along, along);
+    let nearest = plus(a, along.map(|v| s.clamp(0.0, 1.0) * v));
+    (minus(x, nearest), s)
 }
 
 /// Strips so slender often have no answer beyond some load step, as two boundaries that meet each other have not.
