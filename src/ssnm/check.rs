@@ -131,9 +131,13 @@ impl<const D: usize> Newton<'_, D> {
             way.err = err;
             return Ok(Verdict::Refreshed);
         }
-        Ok(match self.refine(way)? || self.blur(way)? {
-            true => Verdict::Refreshed,
-            false => Verdict::Done(Status::Stagnated),
+        if self.refine(way)? || self.blur(way)? {
+            return Ok(Verdict::Refreshed);
+        }
+        // The rounding of one row may hide what others are off.
+        Ok(match self.gauge.hides_each_row(&way.point) {
+            true => Verdict::Done(Status::Stagnated),
+            false => Verdict::GoOn,
         })
     }
 

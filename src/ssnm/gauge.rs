@@ -6,7 +6,7 @@ use super::point::{GradientStep, Point, distance, gradient_step};
 use crate::constraint::{SlipBound, row_of, tangential};
 use crate::problem::beyond;
 use crate::rounding::ROUNDING;
-use crate::sparse::norm;
+use crate::sparse::{difference, norm};
 use std::array::from_fn;
 
 /// Projected gradient steps with the bounds of the one before, from friction that holds everything: the second one has the bounds of
@@ -115,6 +115,20 @@ impl<const D: usize> Gauge<'_, D> {
     /// The error of err by rounding of r alone: f64 cannot measure a smaller error. Each row has its own. A gap that is open
     /// beyond all rounding has no part in err, nor has a traction on its bound; in space it turns there.
     pub fn rounding(&self, point: &Point) -> f64 {
+        norm(&self.rounding_of_rows(point))
+    }
+
+    /// Whether each row of the reduced gradient is below its own rounding.
+    pub fn hides_each_row(&self, point: &Point) -> bool {
+        let rho = self.rho();
+        let GradientStep { end, start } = self.step_from(point, rho);
+        let off = difference(&end, &start.lambda);
+        let mut rows = off.iter().zip(self.rounding_of_rows(point));
+        rows.all(|(off, rounding)| off.abs() <= rho * rounding)
+    }
+
+    /// The rounding of each row of the reduced gradient.
+    fn rounding_of_rows(&self, point: &Point) -> Vec<f64> {
         let (dual, m) = (self.dual, self.dual.problem.m());
         let (bounds, length) = (dual.law.bounds(&point.lambda), self.gradient_length());
         let mut terms = vec![0.0; point.lambda.len()];
@@ -137,10 +151,10 @@ impl<const D: usize> Gauge<'_, D> {
                 part[1..].fill(if none { 0.0 } else { bears });
             }
             for (row, (part, term)) in rows.into_iter().zip(part.into_iter().zip(term)) {
-                terms[row] = part * term;
+                terms[row] = 0.5 * part * term;
             }
         }
-        0.5 * norm(&terms)
+        terms
     }
 
     /// The rounding of r in the rows of a node: that of its terms, and of the motion of the node.

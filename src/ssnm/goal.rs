@@ -176,9 +176,9 @@ impl Goal {
                 off = off.max(moved);
             }
         }
-        // Under given bounds there may be only tractions, and pressures that are rounding of those.
+        // Under given bounds there may be only tractions, and pressures that are rounding of those: of the traction and of the one before.
         let [before, now] = largest.map(|[pressure, traction]| match pressure > 0.0 {
-            true => (forces * self.tolerance * pressure).max(ROUNDING * traction),
+            true => (forces * self.tolerance * pressure).max(2.0 * ROUNDING * traction),
             false => forces * self.tolerance * traction,
         });
         let allowed = before.max(now);

@@ -84,10 +84,12 @@ fn a_few_random_problems() {
     a_few(problem, 150);
 }
 
-/// A gap that is closed by rounding alone, in a K of eleven decades, and loads that are taken away: hardly any force is left.
+/// A gap that is closed by rounding alone, in a K of eleven decades, and loads that are taken away: hardly any force is left. The last
+/// two have tractions of 4e-14 after forces of 3e-10, where the rounding of some contacts is more than what others are off, and
+/// pressures of 1e-19 beside tractions of 2e-4.
 #[test]
 fn what_rounding_leaves_is_no_force() {
-    for seed in [95_000_537, 95_000_115, 95_000_409] {
+    for seed in [95_000_537, 95_000_115, 95_000_409, 116_000_331, 116_000_857] {
         let problem = problem(seed).or_panic();
         for way in [Way::Cholesky, Way::Pcg] {
             let run = run(&problem.trial, way);

@@ -308,8 +308,10 @@ fn compliance_costs_no_products() {
                         .with_compliance(compliance.collect())
                         .or_panic();
                     let found = of(&soft);
-                    // Products by PCG have errors, which differ: 28 products for 24 in one of these cases.
-                    let by_chance = usize::from(path == Stiffness::Pcg) * most / 4;
+                    // Contact that is almost hard costs what hard contact does. Products by PCG have errors, which differ: 28 for 24 in
+                    // one of these cases.
+                    let is_almost_hard = part < 0.1 && path == Stiffness::Pcg;
+                    let by_chance = if is_almost_hard { most / 4 } else { 0 };
                     assert!(
                         found <= most + by_chance,
                         "{tolerance:e} {part:e}: {found} {most}"
