@@ -39,14 +39,6 @@ enum Entry {
 }
 
 impl Pairs {
-    /// No pairs yet, and room for so many.
-    pub fn with_room(most: usize) -> Self {
-        Self {
-            most,
-            ..Self::default()
-        }
-    }
-
     /// Makes room for so many pairs, which need not be [`CLEAR`].
     pub fn allow(&mut self, most: usize) {
         (self.most, self.is_strict) = (most, false);

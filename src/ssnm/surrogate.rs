@@ -76,7 +76,8 @@ impl Surrogate {
             return;
         }
         let old = std::mem::take(self);
-        (self.base, self.pairs) = (old.base, Pairs::with_room(most));
+        self.base = old.base;
+        self.pairs.allow(most);
         (self.compliance, self.scale) = (old.compliance, old.scale);
         let of = |c: &[f64], i: usize| c.get(i).copied().unwrap_or(0.0);
         let early = old.pairs.len().saturating_sub(KEPT);

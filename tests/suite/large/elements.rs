@@ -23,6 +23,14 @@ pub fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
+/// The way to a point from the nearest one of an edge, and where the point is along the line of the edge, 0 to 1 from end to end.
+pub fn away(x: Point, [a, b]: [Point; 2]) -> (Point, f64) {
+    let along = minus(b, a);
+    let s = dot(minus(x, a), along) / dot(along, along);
+    let nearest = plus(a, along.map(|v| s.clamp(0.0, 1.0) * v));
+    (minus(x, nearest), s)
+}
+
 pub fn cross(a: Point, b: Point) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }

@@ -1,6 +1,6 @@
 //! Boundaries that meet themselves.
 
-use super::elements::{Point, cross, dot, edges, length, minus, nodes, plus, resisting};
+use super::elements::{Point, away, cross, dot, edges, length, minus, nodes, plus, resisting};
 use super::{End, campaign, neo_hooke, solved, solved_in_space};
 use crate::common::draw::{chance, generator, number, pick};
 use signorini::contact::Obstacle;
@@ -608,14 +608,6 @@ impl Problem {
         }
         None
     }
-}
-
-/// The way to a point from the nearest one of an edge, and where the point is along the line of the edge, 0 to 1 from end to end.
-fn away(x: Point, [a, b]: [Point; 2]) -> (Point, f64) {
-    let along = minus(b, a);
-    let s = dot(minus(x, a), along) / dot(along, along);
-    let nearest = plus(a, along.map(|v| s.clamp(0.0, 1.0) * v));
-    (minus(x, nearest), s)
 }
 
 /// Strips so slender often have no answer beyond some load step, as two boundaries that meet each other have not.

@@ -1,6 +1,8 @@
 //! Two bodies whose displacements are large: what turns as a whole, exact states, and random ones, judged from the mesh alone.
 
-use super::elements::{Point, cross, dot, edges, length, minus, nodes, plus, resisting, turned};
+use super::elements::{
+    Point, away, cross, dot, edges, length, minus, nodes, plus, resisting, turned,
+};
 use super::{campaign, neo_hooke, solved, solved_in_space};
 use crate::common::draw::{chance, decade, generator, number, pick};
 use signorini::contact::Obstacle;
@@ -647,10 +649,14 @@ impl Problem {
         let all = edges(&self.mesh, side).into_iter().map(|edge| {
             let [a, b] = edge.map(|node| self.at(u, node as usize));
             let along = minus(b, a);
-            let s = (dot(minus(x, a), along) / dot(along, along)).clamp(0.0, 1.0);
-            let off = minus(x, plus(a, along.map(|v| s * v)));
+            let (off, s) = away(x, [a, b]);
             let normal = [along[1], -along[0]].map(|v| v / length(along));
-            (edge, s, length(off).copysign(dot(off, normal)), normal)
+            (
+                edge,
+                s.clamp(0.0, 1.0),
+                length(off).copysign(dot(off, normal)),
+                normal,
+            )
         });
         all.min_by(|p, q| p.2.abs().total_cmp(&q.2.abs()))
             .expect("edges")
